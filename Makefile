@@ -1,0 +1,50 @@
+# `make demo` and `make test` do all of the set-up themselves; Python >= 3.10 and a C++20 compiler are enough.
+PYTHON ?= python3
+VENV := .venv
+BIN := $(VENV)/bin
+SOURCES := pyproject.toml CMakeLists.txt $(shell find src native -name '*.py' -o -name '*.pyi' -o -name '*.cpp' -o -name '*.hpp')
+
+.PHONY: demo test lint bench native clean help
+
+help:
+	@echo "make demo    simulate a robot in a building, map it, open demo/overview.png"
+	@echo "make test    lint, types and tests"
+	@echo "make bench   set up the peers and run the benchmarks (see benchmarks/README.md)"
+	@echo "make native  build the native module in place, for developers (PYTHON=...)"
+
+$(BIN)/python:
+	$(PYTHON) -m venv $(VENV)
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --upgrade pip
+
+$(VENV)/installed: $(BIN)/python $(SOURCES)
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check .
+	@touch $@
+
+$(VENV)/installed-test: $(BIN)/python $(SOURCES)
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check '.[test]'
+	@touch $@ $(VENV)/installed
+
+$(VENV)/installed-bench: $(BIN)/python $(SOURCES)
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check '.[test,bench]'
+	@touch $@ $(VENV)/installed $(VENV)/installed-test
+
+demo: $(VENV)/installed
+	$(BIN)/clew demo -o demo
+
+lint: $(VENV)/installed-test
+	$(BIN)/ruff check src tests benchmarks examples
+	$(BIN)/mypy
+
+test: lint
+	$(BIN)/python -m pytest -q
+
+bench: $(VENV)/installed-bench
+	$(BIN)/python benchmarks/backend.py
+	$(BIN)/python benchmarks/lidar.py
+
+native:
+	cmake -S . -B build/inplace -DPython_EXECUTABLE=$$($(PYTHON) -c 'import sys; print(sys.executable)') -DCMAKE_BUILD_TYPE=Release
+	cmake --build build/inplace --parallel 2
+
+clean:
+	rm -rf $(VENV) build demo src/clew/*.so

@@ -1,0 +1,1 @@
+"""Trajectory, relation and map metrics."""

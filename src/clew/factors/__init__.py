@@ -1,0 +1,1 @@
+"""Measurement models: one file a model, with residual, analytic Jacobian and formula."""

@@ -1,0 +1,1 @@
+"""The factor graph: variables by kind in arrays, factors by kind in blocks."""

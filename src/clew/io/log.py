@@ -1,0 +1,51 @@
+"""The one door by which robot logs come in."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Protocol
+
+from clew.motion import Odometry
+from clew.scan import LaserScan
+
+Measurement = LaserScan | Odometry
+
+
+@dataclass
+class ReadReport:
+    """What a reader met: counts of records used, and of records left out by reason."""
+
+    used: Counter[str] = field(default_factory=Counter)
+    skipped: Counter[str] = field(default_factory=Counter)
+
+
+class Log(Protocol):
+    """A robot's log as a stream of measurements in the order of their timestamps, without duplicates.
+
+    Where a record carries a scan and the odometry of the same instant, the `Odometry` comes right before its
+    `LaserScan`, with the same timestamp.
+    """
+
+    path: Path
+    report: ReadReport
+
+    @property
+    def scan_count(self) -> int:
+        """Number of scans that `measurements` will yield (for progress)."""
+        ...
+
+    @property
+    def duration(self) -> float:
+        """Seconds from the first to the last scan."""
+        ...
+
+    def measurements(self) -> Iterator[Measurement]:
+        """Yield scans and odometry readings in the order of time.
+
+        Raises:
+            InputError: the file is missing, empty, no log, or holds no scan.
+        """
+        ...

@@ -1,0 +1,1 @@
+"""Block-sparse patterns, elimination ordering, Cholesky factor, selected inverse."""

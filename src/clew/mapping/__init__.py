@@ -1,0 +1,1 @@
+"""Occupancy grids from scans at known poses."""

@@ -1,0 +1,1 @@
+"""Have we been here before? Candidates, descriptors, verification, consistency."""

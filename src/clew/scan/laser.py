@@ -1,0 +1,42 @@
+"""One planar laser scan."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+
+def _identity() -> Array:
+    return np.zeros(3)
+
+
+@dataclass(frozen=True, eq=False)
+class LaserScan:
+    """Ranges of one sweep of a planar laser, with where the laser sits on the robot.
+
+    Attributes:
+        timestamp: seconds.
+        ranges: ``(n,)`` metres; ``inf`` where the beam met nothing within reach, ``nan`` where it is invalid.
+        angle_min: direction of the first beam in the sensor frame, radians, counter-clockwise from its x axis.
+        angle_increment: angle between neighbouring beams, radians (negative for a laser mounted upside down).
+        range_min: shorter ranges are no returns of the world, metres.
+        range_max: longest range that the sensor reports as a return, metres.
+        T_robot_sensor: ``(3,)`` pose of the laser on the robot (x, y, theta).
+    """
+
+    timestamp: float
+    ranges: Array
+    angle_min: float
+    angle_increment: float
+    range_min: float
+    range_max: float
+    T_robot_sensor: Array = field(default_factory=_identity)
+
+    @property
+    def angles(self) -> Array:
+        """``(n,)`` direction of each beam in the sensor frame, radians."""
+        return self.angle_min + self.angle_increment * np.arange(self.ranges.shape[0])

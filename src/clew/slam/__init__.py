@@ -1,0 +1,1 @@
+"""The pipeline from measurements to trajectory, graph and map; the only stateful room."""

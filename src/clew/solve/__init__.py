@@ -1,0 +1,1 @@
+"""Non-linear least squares on factor graphs: compile, initialise, optimise, covariance, diagnosis."""
