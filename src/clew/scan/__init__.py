@@ -2,7 +2,7 @@
 
 from clew.scan.align import Alignment, AlignmentOptions, align
 from clew.scan.correlate import CorrelativeMatch, LikelihoodPyramid, build_pyramid, correlate
-from clew.scan.index import IndexedClouds, index_cloud, join, merge_surfels
+from clew.scan.index import IndexedClouds, SourceClouds, index_cloud, join, merge_surfels
 from clew.scan.laser import LaserScan
 from clew.scan.points import CleaningOptions, ScanPoints, concatenate, extract_points
 
@@ -15,6 +15,7 @@ __all__ = [
     "LaserScan",
     "LikelihoodPyramid",
     "ScanPoints",
+    "SourceClouds",
     "align",
     "build_pyramid",
     "concatenate",

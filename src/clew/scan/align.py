@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from clew import _native
-from clew.scan.index import CELL, IndexedClouds
+from clew.scan.index import CELL, IndexedClouds, SourceClouds
 
 Array = NDArray[np.float64]
 
@@ -54,7 +54,7 @@ class Alignment:
 
 def align(
     targets: IndexedClouds,
-    sources: IndexedClouds,
+    sources: SourceClouds,
     pairs: NDArray[np.int32],
     T_start: Array,
     *,

@@ -33,6 +33,23 @@ class IndexedClouds:
     origins: Array
     shapes: NDArray[np.int32]
 
+    def as_sources(self) -> SourceClouds:
+        """The same clouds, to be moved."""
+        return SourceClouds(self.cloud, self.offsets)
+
+
+@dataclass(frozen=True)
+class SourceClouds:
+    """Clouds that are moved onto others, one after the other; cloud ``i`` is ``offsets[i] : offsets[i + 1]``."""
+
+    cloud: ScanPoints
+    offsets: NDArray[np.int64]
+
+    @staticmethod
+    def single(cloud: ScanPoints) -> SourceClouds:
+        """A batch of one cloud."""
+        return SourceClouds(cloud, np.array([0, len(cloud)], dtype=np.int64))
+
 
 def index_cloud(cloud: ScanPoints) -> IndexedClouds:
     """One cloud with its index."""
