@@ -127,7 +127,8 @@ nb::tuple correlate_(const nb::ndarray<const std::uint8_t, nb::ndim<3>, nb::c_co
 nb::tuple align_(const Rows2& target_points, const Rows2& target_normals, const Vector<double>& target_along,
                  const Vector<std::int64_t>& target_offsets, const Vector<std::int32_t>& starts,
                  const Vector<std::int64_t>& starts_offsets, const Vector<std::int32_t>& order, const Rows2& origins,
-                 const nb::ndarray<const std::int32_t, nb::shape<-1, 2>, nb::c_contig, nb::device::cpu>& shapes, double cell,
+                 const nb::ndarray<const std::int32_t, nb::shape<-1, 2>, nb::c_contig, nb::device::cpu>& shapes,
+                 const Vector<double>& cells,
                  const Rows2& points, const Rows2& normals, const Vector<double>& weights,
                  const Vector<std::int64_t>& offsets,
                  const nb::ndarray<const std::int32_t, nb::shape<-1, 2>, nb::c_contig, nb::device::cpu>& pairs,
@@ -144,11 +145,12 @@ nb::tuple align_(const Rows2& target_points, const Rows2& target_normals, const 
             "align: arrays of the sources differ in length");
     require(static_cast<std::int64_t>(target_offsets.shape(0)) == clouds + 1 && sources >= 0 &&
                 static_cast<std::int64_t>(starts_offsets.shape(0)) == clouds + 1 &&
-                static_cast<std::int64_t>(shapes.shape(0)) == clouds, "align: offsets do not fit the clouds");
+                static_cast<std::int64_t>(shapes.shape(0)) == clouds &&
+                static_cast<std::int64_t>(cells.shape(0)) == clouds, "align: offsets do not fit the clouds");
     require(T_start.shape(0) == m && T_prior.shape(0) == m && prior_information.shape(0) == m,
             "align: one start and one prior a pair");
-    require(radius_start >= radius_end && radius_end > 0 && sigma > 0 && robust > 0 && cell > 0 && iterations > 0,
-            "align: radii, sigma, robust, cell and iterations must be positive");
+    require(radius_start >= radius_end && radius_end > 0 && sigma > 0 && robust > 0 && iterations > 0,
+            "align: radii, sigma, robust and iterations must be positive");
     require(target_offsets.data()[clouds] == static_cast<std::int64_t>(targets_n) && target_offsets.data()[0] == 0 &&
                 offsets.data()[sources] == static_cast<std::int64_t>(points.shape(0)) && offsets.data()[0] == 0 &&
                 starts_offsets.data()[clouds] == static_cast<std::int64_t>(starts.shape(0)),
@@ -165,7 +167,7 @@ nb::tuple align_(const Rows2& target_points, const Rows2& target_normals, const 
             const std::int64_t at = target_offsets.data()[a], from = offsets.data()[b], to = offsets.data()[b + 1];
             const PointIndexView target{target_points.data() + 2 * at, target_normals.data() + 2 * at,
                                         target_along.data() + at, starts.data() + starts_offsets.data()[a],
-                                        order.data() + at, origins.data()[2 * a], origins.data()[2 * a + 1], cell,
+                                        order.data() + at, origins.data()[2 * a], origins.data()[2 * a + 1], cells.data()[a],
                                         shapes.data()[2 * a], shapes.data()[2 * a + 1]};
             const double* t = T_start.data() + 3 * k;
             const double* p = T_prior.data() + 3 * k;

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from clew import _native
-from clew.scan.index import CELL, IndexedClouds, SourceClouds
+from clew.scan.index import IndexedClouds, SourceClouds
 
 Array = NDArray[np.float64]
 
@@ -85,7 +85,7 @@ def align(
     return Alignment(
         *_native.scan.align(
             t.points, t.normals, t.along, targets.offsets, targets.starts, targets.starts_offsets, targets.order,
-            targets.origins, targets.shapes, CELL,
+            targets.origins, targets.shapes, targets.cells,
             s.points, s.normals, s.weights, sources.offsets,
             np.ascontiguousarray(pairs, dtype=np.int32), start, prior,
             np.ascontiguousarray(prior_information, dtype=np.float64),

@@ -46,8 +46,9 @@ class CorrelativeMatch:
 def build_pyramid(points: Array, *, resolution: float, sigma: float, levels: int) -> LikelihoodPyramid:
     """Likelihood pyramid of points ``(n, 2)``; `sigma` is the blur about each, metres."""
     margin = (1 << (levels - 1)) + int(np.ceil(2.5 * sigma / resolution)) + 1
-    low = np.floor(points.min(axis=0) / resolution).astype(np.int64) - margin
-    high = np.floor(points.max(axis=0) / resolution).astype(np.int64) + margin + 1
+    corners = points if len(points) else np.zeros((1, 2))
+    low = np.floor(corners.min(axis=0) / resolution).astype(np.int64) - margin
+    high = np.floor(corners.max(axis=0) / resolution).astype(np.int64) + margin + 1
     width, height = (int(v) for v in high - low)
     origin = low * resolution
     cells = _native.scan.build_pyramid(

@@ -8,11 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from clew import _native
-from clew.scan.points import ScanPoints
+from clew.scan.points import ScanPoints, concatenate
 
 Array = NDArray[np.float64]
 
-CELL = 0.25  # metres; side of a bucket, about the radius of the search
+CELL = 0.25  # metres; least side of a bucket, about the radius of the search
+CELLS_PER_POINT = 8.0  # at most; the buckets of a sparse cloud are larger
 
 
 @dataclass(frozen=True)
@@ -22,7 +23,7 @@ class IndexedClouds:
     Attributes:
         cloud: all points; those of cloud ``i`` are ``offsets[i] : offsets[i + 1]``.
         offsets: ``(C + 1,)``.
-        starts, starts_offsets, order, origins, shapes: the buckets, as the native search reads them.
+        starts, starts_offsets, order, origins, shapes, cells: the buckets, as the native search reads them.
     """
 
     cloud: ScanPoints
@@ -32,6 +33,7 @@ class IndexedClouds:
     order: NDArray[np.int32]
     origins: Array
     shapes: NDArray[np.int32]
+    cells: Array
 
     def as_sources(self) -> SourceClouds:
         """The same clouds, to be moved."""
@@ -56,9 +58,10 @@ def index_cloud(cloud: ScanPoints) -> IndexedClouds:
     n = len(cloud)
     low = cloud.points.min(axis=0) if n else np.zeros(2)
     high = cloud.points.max(axis=0) if n else np.zeros(2)
-    shape = np.floor((high - low) / CELL).astype(np.int32) + 1
+    cell = max(CELL, float(np.sqrt(np.prod(high - low) / (CELLS_PER_POINT * max(n, 1)))))
+    shape = np.floor((high - low) / cell).astype(np.int32) + 1
     starts, order = _native.scan.sort_into_buckets(
-        cloud.points, float(low[0]), float(low[1]), CELL, int(shape[0]), int(shape[1])
+        cloud.points, float(low[0]), float(low[1]), cell, int(shape[0]), int(shape[1])
     )
     return IndexedClouds(
         cloud,
@@ -68,6 +71,7 @@ def index_cloud(cloud: ScanPoints) -> IndexedClouds:
         order,
         low[None, :],
         shape[None, :],
+        np.array([cell]),
     )
 
 
@@ -79,18 +83,14 @@ def join(indexed: list[IndexedClouds]) -> IndexedClouds:
         return np.concatenate([[0], np.cumsum(lengths)]).astype(np.int64)
 
     return IndexedClouds(
-        ScanPoints(
-            np.concatenate([i.cloud.points for i in indexed]),
-            np.concatenate([i.cloud.normals for i in indexed]),
-            np.concatenate([i.cloud.along for i in indexed]),
-            np.concatenate([i.cloud.weights for i in indexed]),
-        ),
+        concatenate([i.cloud for i in indexed]),
         offsets([i.offsets for i in indexed]),
         np.concatenate([i.starts for i in indexed]),
         offsets([i.starts_offsets for i in indexed]),
         np.concatenate([i.order for i in indexed]),
         np.concatenate([i.origins for i in indexed]),
         np.concatenate([i.shapes for i in indexed]),
+        np.concatenate([i.cells for i in indexed]),
     )
 
 
