@@ -1,7 +1,7 @@
 """Rigid motions and points as batches of arrays: SE2, SE3, SO2, SO3, Point2, Point3.
 
-Two layers: the classes, and below them plain functions on arrays (`SE2.functions` is the module `clew.geometry.se2`)
-for code that works on whole problems.
+Two layers: the classes, and below them plain functions on arrays (`SE2.functions` is the module
+`clew.geometry.se2`) for code that works on whole problems.
 """
 
 from clew.geometry import points, se2, se3, so2, so3

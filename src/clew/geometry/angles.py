@@ -13,7 +13,7 @@ from clew.geometry.dual import primal
 Array = NDArray[np.float64]
 
 TWO_PI = 2.0 * np.pi
-#: Below this squared angle a series is exact to the last digit and the closed forms lose digits to cancellation.
+#: Below this squared angle the series are exact to the last digit, and closed forms would cancel.
 SMALL = 1e-2
 
 
@@ -21,16 +21,17 @@ def wrap(angle: Array) -> Array:
     """Bring angles into ``(-pi, pi]``, any shape, radians; the derivative is one everywhere."""
     value = primal(angle)
     turns = np.ceil((value - np.pi) / TWO_PI)
-    # Just above -pi the division rounds to a whole turn; without this line the result would exceed pi by one ulp.
+    # Just above -pi the division rounds to a whole turn; without this line the result exceeds pi by one ulp.
     turns = turns + (value - TWO_PI * turns > np.pi)
-    return angle - TWO_PI * turns
+    wrapped: Array = angle - TWO_PI * turns
+    return wrapped
 
 
 def away_from_zero(squared: Array) -> tuple[NDArray[np.bool_], Array]:
     """Where a squared angle is small, and the squared angle with those entries replaced by one.
 
-    A closed form evaluated on the second array stays finite, so that neither branch of a `numpy.where` warns or
-    spoils a derivative.
+    A closed form evaluated on the second array stays finite, so that neither branch of a `numpy.where`
+    warns or spoils a derivative.
     """
     small = primal(squared) < SMALL
     return small, np.where(small, 1.0, squared)

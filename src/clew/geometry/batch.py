@@ -153,7 +153,7 @@ class Batch:
         """Points mapped by this batch, ``(..., space)``: ``p_a = T_a_b.act(p_b)``; points in, points out."""
         if isinstance(points, Batch):
             if points.storage != self.space or points.dim != self.space:
-                raise InputError(f"{self.name}: acts on points of dimension {self.space}, not on {points.name}")
+                raise InputError(f"{self.name} acts on Point{self.space}, not on {points.name}")
             return points._wrap(self.functions.act(self._array, points._array))
         return self.functions.act(self._array, as_float_array(points, self.space, f"{self.name}: points"))
 
@@ -170,7 +170,7 @@ class Batch:
         return self.functions.matrix(self._array)
 
     def retract(self: Self, delta: Any) -> Self:
-        """Decoupled update on the right, ``t <- t + R v``, ``R <- R Exp(w)``; it is *not* ``compose(exp(delta))``."""
+        """Decoupled right update ``t <- t + R v``, ``R <- R Exp(w)``; it is *not* ``compose(exp(delta))``."""
         tangent = as_float_array(delta, self.dim, f"{self.name} tangent")
         return self._wrap(self.functions.retract(self._array, tangent))
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, TypeVar
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -10,9 +10,9 @@ from numpy.typing import ArrayLike, NDArray
 from clew.errors import InputError
 from clew.geometry import points, se2, se3, so2, so3
 from clew.geometry.batch import Batch, as_float_array
+from clew.geometry.manifold import ManifoldFunctions
 
 Array = NDArray[np.float64]
-Spatial = TypeVar("Spatial", "SO3", "SE3")
 
 #: How far a matrix may be from orthonormal and still be read as a rotation.
 _ORTHONORMAL_TOLERANCE = 1e-6
@@ -28,7 +28,7 @@ def _check_quaternions(quaternions: Array, what: str) -> None:
     bad = np.linalg.norm(quaternions, axis=-1) < 1e-12
     if np.any(bad):
         where = tuple(int(i) for i in np.argwhere(bad)[0])
-        raise InputError(f"{what}: the quaternion{f' {where}' if where else ''} has length zero, which is no rotation")
+        raise InputError(f"{what}: quaternion {where} of the batch has length zero, which is no rotation")
 
 
 def _rotation_of_matrix(matrix: ArrayLike, size: int, what: str) -> tuple[Array, Array]:
@@ -39,15 +39,19 @@ def _rotation_of_matrix(matrix: ArrayLike, size: int, what: str) -> tuple[Array,
     rotation = checked[..., :3, :3]
     defect = np.abs(rotation @ np.swapaxes(rotation, -1, -2) - np.eye(3)).max(initial=0.0)
     if defect > _ORTHONORMAL_TOLERANCE or np.any(np.linalg.det(rotation) < 0.0):
-        raise InputError(f"{what}: the matrix is no rotation (R R^T differs from I by {defect:.2g}, or det R < 0)")
+        raise InputError(f"{what}: not a rotation (R R^T differs from I by {defect:.2g}, or det R < 0)")
     return checked, so3.from_matrix(rotation)
 
 
 class SO2(Batch):
     """Rotations of the plane: storage ``(theta,)``, radians in ``(-pi, pi]``; tangent ``(theta,)``."""
 
-    name, dim, storage, space, functions = "SO2", 1, 1, 2, so2
-    _identity = (0.0,)
+    name: ClassVar[str] = "SO2"
+    dim: ClassVar[int] = 1
+    storage: ClassVar[int] = 1
+    space: ClassVar[int] = 2
+    functions: ClassVar[ManifoldFunctions] = so2
+    _identity: ClassVar[tuple[float, ...]] = (0.0,)
     __slots__ = ()
 
     def __init__(self, theta: ArrayLike) -> None:
@@ -60,10 +64,14 @@ class SO2(Batch):
 
 
 class SE2(Batch):
-    """Poses in the plane: storage ``(x, y, theta)``, metres and radians in ``(-pi, pi]``; tangent ``(x, y, theta)``."""
+    """Poses in the plane: storage and tangent ``(x, y, theta)``, metres, radians in ``(-pi, pi]``."""
 
-    name, dim, storage, space, functions = "SE2", 3, 3, 2, se2
-    _identity = (0.0, 0.0, 0.0)
+    name: ClassVar[str] = "SE2"
+    dim: ClassVar[int] = 3
+    storage: ClassVar[int] = 3
+    space: ClassVar[int] = 2
+    functions: ClassVar[ManifoldFunctions] = se2
+    _identity: ClassVar[tuple[float, ...]] = (0.0, 0.0, 0.0)
     __slots__ = ()
 
     def __init__(self, x: ArrayLike, y: ArrayLike, theta: ArrayLike) -> None:
@@ -96,10 +104,14 @@ class SE2(Batch):
 
 
 class SO3(Batch):
-    """Rotations of space: storage ``(qx, qy, qz, qw)``, unit length, ``qw >= 0``; tangent: rotation vector, radians."""
+    """Rotations of space: unit quaternions ``(qx, qy, qz, qw)``, ``qw >= 0``; tangent: rotation vector."""
 
-    name, dim, storage, space, functions = "SO3", 3, 4, 3, so3
-    _identity = (0.0, 0.0, 0.0, 1.0)
+    name: ClassVar[str] = "SO3"
+    dim: ClassVar[int] = 3
+    storage: ClassVar[int] = 4
+    space: ClassVar[int] = 3
+    functions: ClassVar[ManifoldFunctions] = so3
+    _identity: ClassVar[tuple[float, ...]] = (0.0, 0.0, 0.0, 1.0)
     __slots__ = ()
 
     def __init__(self, quaternion_xyzw: ArrayLike) -> None:
@@ -131,12 +143,16 @@ class SE3(Batch):
     Tangent ``(x, y, z, rx, ry, rz)``: translation, then a rotation vector in radians.
     """
 
-    name, dim, storage, space, functions = "SE3", 6, 7, 3, se3
-    _identity = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)
+    name: ClassVar[str] = "SE3"
+    dim: ClassVar[int] = 6
+    storage: ClassVar[int] = 7
+    space: ClassVar[int] = 3
+    functions: ClassVar[ManifoldFunctions] = se3
+    _identity: ClassVar[tuple[float, ...]] = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)
     __slots__ = ()
 
     def __init__(self, translation: ArrayLike, rotation: SO3 | ArrayLike = (0.0, 0.0, 0.0, 1.0)) -> None:
-        """Pose from translations ``(..., 3)`` and rotations: `SO3` or quaternions ``(..., 4)`` as x, y, z, w."""
+        """Translations ``(..., 3)`` and rotations: `SO3`, or quaternions ``(..., 4)`` as x, y, z, w."""
         position = as_float_array(translation, 3, "SE3 translation")
         quaternion = rotation.array if isinstance(rotation, SO3) else SO3.from_array(rotation).array
         shape = np.broadcast_shapes(position.shape[:-1], quaternion.shape[:-1])
@@ -154,7 +170,7 @@ class SE3(Batch):
 
     @classmethod
     def from_matrix(cls, matrix: ArrayLike) -> SE3:
-        """Pose of homogeneous matrices ``(..., 4, 4)``; raises `InputError` if the rotation is not orthonormal."""
+        """Pose of homogeneous matrices ``(..., 4, 4)``; raises `InputError` if they are no rigid motion."""
         checked, quaternion = _rotation_of_matrix(matrix, 4, "SE3.from_matrix")
         return cls(checked[..., :3, 3], SO3._wrap(quaternion))
 
@@ -195,8 +211,12 @@ class SE3(Batch):
 class Point2(Batch):
     """Points in the plane: storage and tangent ``(x, y)``, metres."""
 
-    name, dim, storage, space, functions = "Point2", 2, 2, 2, points
-    _identity = (0.0, 0.0)
+    name: ClassVar[str] = "Point2"
+    dim: ClassVar[int] = 2
+    storage: ClassVar[int] = 2
+    space: ClassVar[int] = 2
+    functions: ClassVar[ManifoldFunctions] = points
+    _identity: ClassVar[tuple[float, ...]] = (0.0, 0.0)
     __slots__ = ()
 
     def __init__(self, x: ArrayLike, y: ArrayLike) -> None:
@@ -216,8 +236,12 @@ class Point2(Batch):
 class Point3(Batch):
     """Points in space: storage and tangent ``(x, y, z)``, metres."""
 
-    name, dim, storage, space, functions = "Point3", 3, 3, 3, points
-    _identity = (0.0, 0.0, 0.0)
+    name: ClassVar[str] = "Point3"
+    dim: ClassVar[int] = 3
+    storage: ClassVar[int] = 3
+    space: ClassVar[int] = 3
+    functions: ClassVar[ManifoldFunctions] = points
+    _identity: ClassVar[tuple[float, ...]] = (0.0, 0.0, 0.0)
     __slots__ = ()
 
     def __init__(self, x: ArrayLike, y: ArrayLike, z: ArrayLike) -> None:

@@ -52,7 +52,7 @@ def between_jacobians(kind: HasFunctions, a: Array, b: Array) -> tuple[Array, Ar
 
 
 def act_jacobians(kind: HasFunctions, a: Array, points: Array) -> tuple[Array, Array]:
-    """Derivatives of the moved points by `a`, ``(..., space, dim)``, and by the points, ``(..., space, space)``."""
+    """Derivatives of moved points by `a`, ``(..., space, dim)``, and by them, ``(..., space, space)``."""
     return kind.functions.act_jacobians(a, points)
 
 

@@ -14,9 +14,9 @@ Self = TypeVar("Self", bound="Manifold")
 class ManifoldFunctions(Protocol):
     """The array layer of a manifold: plain functions on ``(..., storage)`` and ``(..., dim)`` arrays.
 
-    The modules `so2`, `se2`, `so3`, `se3` and `points` implement it. Functions broadcast, never write into their
-    arguments, trust their input (see `Manifold.from_array` for checks), and those without "jacobian", "matrix",
-    "adjoint" or "basis" in their name also take dual arrays.
+    The modules `so2`, `se2`, `so3`, `se3` and `points` implement it. Functions broadcast, never write into
+    their arguments and trust their input (`Manifold.from_array` checks). Those from `canonical` to `log`,
+    `matrix`, `retract` and `local` also take dual arrays.
     """
 
     def canonical(self, a: Array, /) -> Array: ...

@@ -1,7 +1,7 @@
 """Rigid motions of the plane on plain arrays ``(..., 3)``: ``(x, y, theta)``, theta in ``(-pi, pi]``.
 
-Tangents are ``(..., 3)``, translation first. `retract` is decoupled and *not* ``compose(a, exp(delta))``; both
-agree to first order, so Jacobians of the group operations are those of the usual right perturbation.
+Tangents are ``(..., 3)``, translation first. `retract` is decoupled and *not* ``compose(a, exp(delta))``;
+both agree to first order, so Jacobians of the group operations are those of the usual right perturbation.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
-"""Rigid motions of space on plain arrays ``(..., 7)``: ``(x, y, z, qx, qy, qz, qw)``, unit quaternion, ``qw >= 0``.
+"""Rigid motions of space on plain arrays ``(..., 7)``: ``(x, y, z, qx, qy, qz, qw)``, unit quaternion.
 
-Tangents are ``(..., 6)``, translation first, then a rotation vector in radians. `retract` is decoupled and *not*
-``compose(a, exp(delta))``; both agree to first order.
+Tangents are ``(..., 6)``, translation first, then a rotation vector in radians. `retract` is decoupled and
+*not* ``compose(a, exp(delta))``; both agree to first order.
 """
 
 from __future__ import annotations
@@ -17,9 +17,8 @@ Array = NDArray[np.float64]
 
 def _join(translation: Array, rotation: Array) -> Array:
     shape = np.broadcast_shapes(translation.shape[:-1], rotation.shape[:-1])
-    return np.concatenate(
-        (np.broadcast_to(translation, (*shape, 3)), np.broadcast_to(rotation, (*shape, rotation.shape[-1]))), axis=-1
-    )
+    parts = [np.broadcast_to(part, (*shape, part.shape[-1])) for part in (translation, rotation)]
+    return np.concatenate(parts, axis=-1)
 
 
 def _blocks(top_left: Array, top_right: Array, bottom_right: Array) -> Array:

@@ -1,4 +1,4 @@
-"""Rotations of the plane on plain arrays ``(..., 1)``: ``(theta,)`` in ``(-pi, pi]``; tangents ``(..., 1)``."""
+"""Rotations of the plane on plain arrays ``(..., 1)``: theta in ``(-pi, pi]``; tangents ``(..., 1)``."""
 
 from __future__ import annotations
 

@@ -45,7 +45,8 @@ def hat(v: Array) -> Array:
 def canonical(a: Array) -> Array:
     """The storage that stands for a rotation: unit length, ``qw >= 0``."""
     length = np.sqrt((a * a).sum(axis=-1))
-    return a / np.where(primal(a)[..., 3] < 0.0, -length, length)[..., None]
+    unit: Array = a / np.where(primal(a)[..., 3] < 0.0, -length, length)[..., None]
+    return unit
 
 
 def _product(a: Array, b: Array) -> Array:
@@ -69,7 +70,8 @@ def compose(a: Array, b: Array) -> Array:
 
 def inverse(a: Array) -> Array:
     """Rotation the other way round."""
-    return a * np.array([-1.0, -1.0, -1.0, 1.0])
+    conjugate: Array = a * np.array([-1.0, -1.0, -1.0, 1.0])
+    return conjugate
 
 
 def between(a: Array, b: Array) -> Array:
@@ -81,7 +83,8 @@ def act(a: Array, points: Array) -> Array:
     """Points ``(..., 3)`` rotated."""
     axis = a[..., :3]
     twice = 2.0 * cross(axis, points)
-    return points + a[..., 3:] * twice + cross(axis, twice)
+    moved: Array = points + a[..., 3:] * twice + cross(axis, twice)
+    return moved
 
 
 def exp(tangent: Array) -> Array:
@@ -127,7 +130,9 @@ def matrix(a: Array) -> Array:
 
 
 def from_matrix(rotation: Array) -> Array:
-    """Quaternions of rotation matrices ``(..., 3, 3)``; from the row of ``4 q q^T`` with the largest diagonal entry.
+    """Quaternions of rotation matrices ``(..., 3, 3)``.
+
+    Taken from the row of ``4 q q^T`` whose diagonal entry is largest, which is never near zero.
 
     Source: Shepperd, "Quaternion from rotation matrix", 1978.
     """
