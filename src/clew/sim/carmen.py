@@ -20,17 +20,19 @@ FIELD_OF_VIEW = np.pi
 def write_carmen(log: SimulatedLog, path: Path | str) -> None:
     """Write scans and odometry as `FLASER` records; timestamps to the microsecond, ranges to the millimetre.
 
-    `FLASER n ranges... x y theta odom_x odom_y odom_theta ipc_timestamp host logger_timestamp`: the first pose is that
-    of the laser, the second that of the robot, both by odometry. The file is written whole or not at all.
+    `FLASER n ranges... x y theta odom_x odom_y odom_theta ipc_timestamp host logger_timestamp`: the first
+    pose is that of the laser, the second that of the robot, both by odometry. The file is written whole or
+    not at all.
 
     Raises:
-        InputError: a laser that the format cannot describe (it takes half a circle for granted, symmetric about the x
-            axis), or a folder that does not exist.
+        InputError: a laser that the format cannot describe (it takes half a circle about the x axis
+            for granted), or a folder that does not exist.
     """
     path = Path(path)
     if abs(log.laser.field_of_view - FIELD_OF_VIEW) > 1e-6 or log.laser.beams % 2 == 0:
-        raise InputError(f"{path}: {log.laser.beams} beams over {np.degrees(log.laser.field_of_view):g} degrees: FLASER "
-                         "records hold an odd number of beams over 180 degrees")
+        degrees = np.degrees(log.laser.field_of_view)
+        raise InputError(f"{path}: {log.laser.beams} beams over {degrees:g} degrees: FLASER records "
+                         "hold an odd number of beams over 180 degrees")
     if not path.parent.is_dir():
         raise InputError(f"{path}: the folder {path.parent} does not exist; make it first")
     T_odom_sensor = se2.compose(log.T_odom_robot, np.array(log.laser.T_robot_sensor))

@@ -25,7 +25,7 @@ KINDS = tuple(_WORLDS)
 
 
 def simulate_demo(seed: int = 1, *, duration: float = 400.0, people: int = 0) -> SimulatedLog:
-    """The demo: some hundred metres through an office building, 5 scans a second, odometry that fails by metres."""
+    """The demo: 400 s through an office building, 5 scans a second, odometry that fails by metres."""
     return simulate_kind("office", seed, duration=duration, people=people)
 
 
@@ -52,4 +52,5 @@ def simulate_kind(kind: str, seed: int, *, duration: float = 400.0, rate: float 
     world = _WORLDS[kind](seed)
     # A tour at top speed would take the whole time; corners and turns make it longer, and the end is cut off.
     driven = drive(tour(world, seed, 1.2 * duration), rate=rate, duration=duration)
-    return simulate(world, driven, laser or LaserModel(), odometry or OdometryModel.medium(), seed, people=people)
+    return simulate(world, driven, laser or LaserModel(), odometry or OdometryModel.medium(), seed,
+                    people=people)

@@ -1,7 +1,9 @@
-"""How a robot drives along way points: rounded corners, turns on the spot, bounded speeds and accelerations."""
+"""How a robot drives along way points: rounded corners, turns on the spot, bounded accelerations."""
 
 from __future__ import annotations
 
+import itertools
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -80,7 +82,7 @@ def _without_repeats(points: Array) -> Array:
     if points.ndim != 2 or points.shape[1] != 2 or not np.isfinite(points).all():
         raise InputError(f"drive: way points of shape {points.shape}: must be finite and (W, 2)")
     keep = np.concatenate([[True], np.linalg.norm(np.diff(points, axis=0), axis=1) > 1e-6])
-    return points[keep]
+    return np.asarray(points[keep])
 
 
 def _pieces(points: Array, model: DriveModel) -> tuple[Array, Array]:
@@ -92,7 +94,7 @@ def _pieces(points: Array, model: DriveModel) -> tuple[Array, Array]:
     times: list[Array] = []
     poses: list[Array] = []
     clock = 0.0
-    for first, last in zip(stops[:-1], stops[1:], strict=True):
+    for first, last in itertools.pairwise(stops):
         piece_times, piece = _path(points[first:last + 1], model)
         if poses:
             before = poses[-1][-1]
@@ -132,10 +134,10 @@ def _path(points: Array, model: DriveModel) -> tuple[Array, Array]:
 
 def _accelerate(limit: Array, steps: Array, model: DriveModel) -> Array:
     """The fastest speeds below `limit` that the acceleration allows when driving forwards."""
-    speed = limit.copy()
-    for i, step in enumerate(steps):
-        speed[i + 1] = min(speed[i + 1], np.sqrt(speed[i] ** 2 + 2 * model.acceleration * step))
-    return speed
+    speed = limit.tolist()
+    for i, step in enumerate(steps.tolist()):
+        speed[i + 1] = min(speed[i + 1], math.sqrt(speed[i] ** 2 + 2 * model.acceleration * step))
+    return np.array(speed)
 
 
 def _turn(angle: float, model: DriveModel) -> tuple[Array, Array]:
@@ -149,4 +151,4 @@ def _turn(angle: float, model: DriveModel) -> tuple[Array, Array]:
     cruising = rate * np.clip(times - ramp, 0.0, max(total - 2 * ramp, 0.0))
     since = np.clip(times - (total - ramp), 0.0, ramp)
     slowing = rate * since - 0.5 * model.turn_acceleration * since ** 2
-    return times, np.sign(angle) * (speeding + cruising + slowing)
+    return times, float(np.sign(angle)) * (speeding + cruising + slowing)

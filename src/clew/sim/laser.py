@@ -18,7 +18,7 @@ class LaserModel:
 
     Attributes:
         beams: number of beams.
-        field_of_view: angle from the first beam to the last, radians; the beams are symmetric about the sensor's x axis.
+        field_of_view: angle from the first beam to the last, radians; beams are symmetric about the x axis.
         range_min: what is nearer is not measured, metres.
         range_max: what is further is not measured, metres.
         sigma_range: standard deviation of a range, metres.
@@ -44,7 +44,8 @@ class LaserModel:
             raise InputError(f"LaserModel: ranges from {self.range_min:g} to {self.range_max:g} m: "
                              "needs 0 <= range_min < range_max")
         if self.sigma_range < 0.0 or self.resolution < 0.0 or not 0.0 <= self.dropout <= 1.0:
-            raise InputError("LaserModel: sigma_range and resolution must not be negative, dropout must be in [0, 1]")
+            raise InputError("LaserModel: sigma_range and resolution must not be negative, "
+                             "dropout must be in [0, 1]")
 
     @property
     def angle_min(self) -> float:
@@ -59,7 +60,7 @@ class LaserModel:
     @property
     def angles(self) -> Array:
         """``(beams,)`` direction of each beam in the sensor frame, radians."""
-        return self.angle_min + self.angle_increment * np.arange(self.beams)
+        return self.angle_min + self.angle_increment * np.arange(self.beams, dtype=np.float64)
 
     def measure(self, distances: Array, rng: np.random.Generator) -> Array:
         """Ranges as the sensor reports them: noisy, rounded, ``inf`` where there is no return.
@@ -79,8 +80,8 @@ class LaserModel:
 def cast_rays(segments: Array, T_world_sensor: Array, angles: Array, reach: float = np.inf) -> Array:
     """True distances from a sensor to the nearest segment.
 
-    A segment that is seen edge on (parallel to the ray) or has no length is not hit; a sensor that stands on a segment
-    measures 0.
+    A segment that is seen edge on (parallel to the ray) or has no length is not hit; a sensor that stands on
+    a segment measures 0.
 
     Args:
         segments: ``(S, 2, 2)`` end points, metres.
@@ -96,10 +97,10 @@ def cast_rays(segments: Array, T_world_sensor: Array, angles: Array, reach: floa
     """
     arrays = [np.ascontiguousarray(a, dtype=np.float64) for a in (segments, T_world_sensor, angles)]
     if arrays[0].shape[1:] != (2, 2) or arrays[1].shape[1:] != (3,) or arrays[2].ndim != 1:
-        raise InputError(f"cast_rays: segments {arrays[0].shape}, poses {arrays[1].shape}, angles {arrays[2].shape}: "
-                         "must be (S, 2, 2), (N, 3) and (B,)")
+        raise InputError(f"cast_rays: segments {arrays[0].shape}, poses {arrays[1].shape}, "
+                         f"angles {arrays[2].shape}: must be (S, 2, 2), (N, 3) and (B,)")
     if not all(np.isfinite(a).all() for a in arrays) or not reach >= 0.0:
-        raise InputError("cast_rays: segments, poses and angles must be finite, the reach must not be negative")
+        raise InputError("cast_rays: segments, poses and angles must be finite, the reach not negative")
     distances = np.empty((arrays[1].shape[0], arrays[2].shape[0]))
     _native.sim.cast_rays(arrays[0], arrays[1], arrays[2], reach, distances)
     return distances

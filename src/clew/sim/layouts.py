@@ -54,7 +54,8 @@ def hall(seed: int, *, width: float = 40.0, depth: float = 30.0, pillars: int = 
         x = mesh_x[mesh % len(mesh_x)] + rng.uniform(-0.8, 0.8)
         y = mesh_y[mesh // len(mesh_x)] + rng.uniform(-0.8, 0.8)
         size = rng.uniform(0.2, 0.8)
-        outlines.append(pillar(x, y, size) if rng.random() < 0.5 else box(x - size, y - size, x + size, y + size))
+        outlines.append(pillar(x, y, size) if rng.random() < 0.5
+                        else box(x - size, y - size, x + size, y + size))
     return World(f"hall-{seed}", np.concatenate(outlines), places, links.astype(np.int64))
 
 
@@ -66,7 +67,8 @@ def loop(seed: int, *, length: float = 300.0, width: float = 2.4) -> World:
         length: of the middle line of the corridor, metres.
         width: of the corridor, metres.
     """
-    _require("loop", length >= 40.0 and width >= 1.6, "needs a length of 40 m or more and a width of 1.6 m or more")
+    _require("loop", length >= 40.0 and width >= 1.6,
+             "needs a length of 40 m or more and a width of 1.6 m or more")
     rng = np.random.default_rng(seed)
     side, half = length / 4, width / 2
     outlines = [box(-half, -half, side + half, side + half), box(half, half, side - half, side - half)]
@@ -86,10 +88,10 @@ def loop(seed: int, *, length: float = 300.0, width: float = 2.4) -> World:
 
 
 def _on_edge(edge: int, side: float, x0: float, y0: float, x1: float, y1: float) -> Array:
-    """Outline of a box given along the south edge, turned to one of the four edges of the square about its middle."""
+    """Outline of a box given along the south edge, turned to one of the four edges of the square."""
     outline = box(x0, y0, x1, y1) - side / 2
-    turn = [np.eye(2), np.array([[0, -1], [1, 0]]), -np.eye(2), np.array([[0, 1], [-1, 0]])][edge]
-    return outline @ turn.T + side / 2
+    turn = np.linalg.matrix_power(np.array([[0.0, -1.0], [1.0, 0.0]]), edge)
+    return np.asarray(outline @ turn.T + side / 2)
 
 
 def _require(name: str, holds: bool, message: str) -> None:

@@ -81,7 +81,7 @@ def simulate(world: World, driven: Drive, laser: LaserModel, odometry: OdometryM
              people: int = 0) -> SimulatedLog:
     """Record what a robot measures on a drive; same arguments, same bytes.
 
-    Noise of laser, odometry and people comes from streams of their own: changing one leaves the others as they are.
+    Laser, odometry and people have streams of noise of their own: changing one leaves the others as they are.
 
     Args:
         world: where the robot drives.

@@ -54,7 +54,7 @@ class OdometryModel:
         return cls(0.03, 0.02, 0.003, 0.05, 0.02, 0.04, 0.015)
 
     def reckon(self, T_world_robot: Array, rng: np.random.Generator) -> Array:
-        """``(N, 3)`` dead reckoning ``T_odom_robot`` of the true poses ``(N, 3)``; it starts at the identity."""
+        """``(N, 3)`` dead reckoning ``T_odom_robot`` of true poses ``(N, 3)``, from the identity."""
         steps = se2.between(T_world_robot[:-1], T_world_robot[1:])
         reported = self.perturb(steps, rng)
         # Headings are sums of turns; positions are sums of steps turned by the heading at the start of each.

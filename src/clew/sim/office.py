@@ -19,8 +19,8 @@ LANE = 1.0
 class Plan:
     """Measures of the building, metres.
 
-    From south to north: a row of rooms, the south corridor, two rows of rooms back to back, the north corridor, a row of
-    rooms. Cross corridors join the two corridors at both ends and in between.
+    From south to north: a row of rooms, the south corridor, two rows of rooms back to back, the north
+    corridor, a row of rooms. Cross corridors join the two corridors at both ends and in between.
     """
 
     length: float = 70.0
@@ -71,7 +71,8 @@ def office_building(seed: int, *, length: float = 70.0, crossings: int = 3, open
 class _Builder:
     """Puts walls, furniture and places together."""
 
-    def __init__(self, plan: Plan, crossings: list[float], rng: np.random.Generator, open_doors: float) -> None:
+    def __init__(self, plan: Plan, crossings: list[float], rng: np.random.Generator,
+                 open_doors: float) -> None:
         self.plan = plan
         self.crossings = crossings
         self.rng = rng
@@ -113,6 +114,7 @@ class _Builder:
 
     def _row(self, blocks: list[tuple[float, float]], door_y: float, back_y: float, corridor: int) -> None:
         """Rooms side by side in each block, all with their doors in the wall at `door_y`."""
+        low, high = min(door_y, back_y), max(door_y, back_y)
         for since, to in blocks:
             doors = []
             left = since
@@ -121,14 +123,15 @@ class _Builder:
                 right = left + width if to - left - width > 3.2 else to
                 doors.append(self._room(left, right, door_y, back_y, corridor))
                 if right < to:
-                    self.outlines.append(wall((right, min(door_y, back_y)), (right, max(door_y, back_y)), THICKNESS))
+                    self.outlines.append(wall((right, low), (right, high), THICKNESS))
                 left = right
             self.outlines.append(wall((since, door_y), (to, door_y), THICKNESS, doors))
             self.outlines.append(wall((since, back_y), (to, back_y), THICKNESS))
             for x in (since, to):
-                self.outlines.append(wall((x, min(door_y, back_y)), (x, max(door_y, back_y)), THICKNESS))
+                self.outlines.append(wall((x, low), (x, high), THICKNESS))
 
-    def _room(self, left: float, right: float, door_y: float, back_y: float, corridor: int) -> tuple[float, float]:
+    def _room(self, left: float, right: float, door_y: float, back_y: float,
+              corridor: int) -> tuple[float, float]:
         """Furniture and places of one room; returns the opening of its door."""
         rng = self.rng
         door = float(rng.uniform(left + 0.9, right - 0.9))
@@ -165,6 +168,7 @@ class _Builder:
                 continue
             turn = rng.choice([0.0, rng.uniform(-0.5, 0.5)])
             aspect = rng.uniform(0.35, 0.8)
-            corners = reach / np.hypot(1, aspect) * np.array([[-1, -aspect], [1, -aspect], [1, aspect], [-1, aspect]])
+            half = reach / np.hypot(1, aspect) * np.array([1.0, aspect])
+            corners = half * np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]])
             rotation = np.array([[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]])
             self.outlines.append(polygon(centre + corners @ rotation.T))

@@ -31,7 +31,8 @@ def walk(world: World, timestamps: Array, count: int, seed: int) -> Array:
     return positions
 
 
-def cover(distances: Array, T_world_sensor: Array, angles: Array, positions: Array) -> tuple[Array, NDArray[np.bool_]]:
+def cover(distances: Array, T_world_sensor: Array, angles: Array,
+          positions: Array) -> tuple[Array, NDArray[np.bool_]]:
     """Put people in front of what the beams meet.
 
     Args:

@@ -16,11 +16,11 @@ JITTER_CORRIDOR, JITTER_ROOM = 0.2, 0.08
 
 
 def tour(world: World, seed: int, length: float) -> Array:
-    """Way points of a walk through the world that closes loops and comes back over its own way in both directions.
+    """Way points of a walk that closes loops and comes back over its own way in both directions.
 
     At every place the walk takes the link that it has used least (in either direction, then in this one); it turns
-    round only in dead ends, and enters some of the rooms that it passes. Each visit of a place passes it a little beside
-    where the last one did.
+    round only in dead ends, and enters some of the rooms that it passes. Each visit of a place
+    passes it a little beside where the last one did.
 
     Args:
         world: where to walk.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -23,7 +24,7 @@ class World:
         name: short name for reports.
         segments: ``(S, 2, 2)`` end points of walls and furniture, metres.
         places: ``(K, 2)`` points that a robot may drive to, metres.
-        links: ``(E, 2)`` pairs of places between which the straight line is free for a robot of 0.25 m radius.
+        links: ``(E, 2)`` pairs of places joined by a straight line that is free for a robot of 0.25 m radius.
         rooms: ``(R,)`` indices of places inside rooms (dead ends where a robot turns round); all others are
             corridors and junctions.
         start: index of the place where a drive begins.
@@ -58,8 +59,8 @@ def wall(start: tuple[float, float], end: tuple[float, float], thickness: float,
     """``(4 m, 2, 2)`` outlines of an axis-aligned wall with openings.
 
     Args:
-        start, end: ends of the middle line, ``end`` to the right of or above ``start``, metres; the wall is longer
-            by half its thickness at both, so that walls which meet close their corner.
+        start, end: ends of the middle line, ``end`` to the right of or above ``start``, metres; the wall is
+            longer by half its thickness at both, so that walls which meet close their corner.
         thickness: metres.
         openings: disjoint ``(from, to)`` along the axis of the wall, in world coordinates, metres.
     """
@@ -79,4 +80,4 @@ def wall(start: tuple[float, float], end: tuple[float, float], thickness: float,
 
 def chain(nodes: list[int]) -> list[tuple[int, int]]:
     """Links between neighbours of a list of places."""
-    return list(zip(nodes[:-1], nodes[1:], strict=True))
+    return list(itertools.pairwise(nodes))
