@@ -49,6 +49,7 @@ class Drive:
 
 
 STEP = 0.02  # metres between samples of a path
+TICK = 0.01  # seconds between samples of a drive
 
 
 def drive(waypoints: Array, *, rate: float = 5.0, duration: float | None = None, start_time: float = 0.0,
@@ -129,7 +130,14 @@ def _path(points: Array, model: DriveModel) -> tuple[Array, Array]:
     speed[[0, -1]] = 0.0
     speed = _accelerate(_accelerate(speed, steps, model)[::-1], steps[::-1], model)[::-1]
     times = np.concatenate([[0.0], np.cumsum(2 * steps / (speed[1:] + speed[:-1]))])
-    return times, np.column_stack([smooth, heading])
+    # Constant acceleration within each step: a robot that starts does not jump to the mean speed of its first step.
+    moments = np.append(np.arange(0.0, times[-1], TICK), times[-1])
+    step = np.clip(np.searchsorted(times, moments, side="right") - 1, 0, len(steps) - 1)
+    since = moments - times[step]
+    acceleration = np.diff(speed) / np.diff(times)
+    gone = np.concatenate([[0.0], np.cumsum(steps)])
+    at = gone[step] + speed[step] * since + 0.5 * acceleration[step] * since ** 2
+    return moments, np.column_stack([np.interp(at, gone, column) for column in (*smooth.T, heading)])
 
 
 def _accelerate(limit: Array, steps: Array, model: DriveModel) -> Array:

@@ -18,9 +18,9 @@ JITTER_CORRIDOR, JITTER_ROOM = 0.2, 0.08
 def tour(world: World, seed: int, length: float) -> Array:
     """Way points of a walk that closes loops and comes back over its own way in both directions.
 
-    At every place the walk takes the link that it has used least (in either direction, then in this one); it turns
-    round only in dead ends, and enters some of the rooms that it passes. Each visit of a place
-    passes it a little beside where the last one did.
+    At every place the walk takes the link that it has used least, in either direction; it turns round only in
+    dead ends and when it leaves a room, and enters some of the rooms that it passes. Each visit of a place passes
+    it a little beside where the last one did.
 
     Args:
         world: where to walk.
@@ -57,7 +57,7 @@ def tour(world: World, seed: int, length: float) -> Array:
         else:
             lots = rng.random(len(onward))
             choice = min(zip(onward, lots, strict=True),
-                         key=lambda n: (used[here, n[0]] + used[n[0], here], used[here, n[0]], n[1]))[0]
+                         key=lambda n: (used[here, n[0]] + used[n[0], here], n[1]))[0]
         used[here, choice] += 1
         walked += float(np.linalg.norm(world.places[choice] - world.places[here]))
         here, came_from = choice, here
