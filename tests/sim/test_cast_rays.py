@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from clew.errors import InputError
-from clew.sim import cast_rays
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
+from clew.errors import InputError
+from clew.sim import cast_rays
+
 Array = NDArray[np.float64]
-SQUARE = np.array([[[-1, -1], [1, -1]], [[1, -1], [1, 1]], [[1, 1], [-1, 1]], [[-1, 1], [-1, -1]]], dtype=float)
+CORNERS = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
+SQUARE = np.stack([CORNERS, np.roll(CORNERS, -1, axis=0)], axis=1)
 
 
 def twin(segments: Array, poses: Array, angles: Array, reach: float) -> Array:
@@ -39,7 +41,8 @@ def test_agrees_with_the_twin_on_random_worlds(seed: int, extent: float) -> None
     segments[:10, 1, 0] = segments[:10, 0, 0]  # upright
     segments[10:20, 1, 1] = segments[10:20, 0, 1]  # level
     segments[20:23, 1] = segments[20:23, 0]  # without length
-    poses = np.column_stack([centre + rng.uniform(-1.5 * extent, 1.5 * extent, (20, 2)), rng.uniform(-4, 4, 20)])
+    origins = centre + rng.uniform(-1.5 * extent, 1.5 * extent, (20, 2))
+    poses = np.column_stack([origins, rng.uniform(-4, 4, 20)])
     angles = np.concatenate([np.linspace(-3, 3, 90), [0.0, np.pi / 2]])
     for reach in (np.inf, extent):
         expected = twin(segments, poses, angles, reach)
@@ -51,19 +54,17 @@ def test_agrees_with_the_twin_on_random_worlds(seed: int, extent: float) -> None
 @given(st.lists(st.tuples(*[st.integers(-4, 4)] * 4), min_size=1, max_size=12),
        st.tuples(st.integers(-5, 5), st.integers(-5, 5)))
 def test_agrees_with_the_twin_on_lattices(lines: list[tuple[int, ...]], origin: tuple[int, int]) -> None:
-    """Corners, walls along cell borders, sensors on walls and at their ends, rays along walls.
-
-    Distances are compared for rays that do not graze: whether a ray through an end point of a segment hits it is up
-    to rounding, the same in both only where they compute the same product.
-    """
+    """Corners, walls along cell borders, sensors on walls and at their ends, rays along walls."""
     segments = np.array(lines, dtype=np.float64).reshape(-1, 2, 2)
     pose = np.array([[*origin, 0.0]], dtype=np.float64)
     angles = np.concatenate([np.linspace(-3.1, 3.1, 41), np.array([0.0, 0.5, 1.0, -0.5]) * np.pi])
-    np.testing.assert_allclose(cast_rays(segments, pose, angles), twin(segments, pose, angles, np.inf), atol=1e-9)
+    expected = twin(segments, pose, angles, np.inf)
+    np.testing.assert_allclose(cast_rays(segments, pose, angles), expected, atol=1e-9)
 
 
 def test_distances_in_a_square() -> None:
-    ranges = cast_rays(SQUARE, np.array([[0.5, 0.0, 0.0]]), np.array([0.0, np.pi / 2, np.pi, np.arctan2(1, 0.25)]))
+    angles = np.array([0.0, np.pi / 2, np.pi, np.arctan2(1, 0.25)])
+    ranges = cast_rays(SQUARE, np.array([[0.5, 0.0, 0.0]]), angles)
     np.testing.assert_allclose(ranges, [[0.5, 1.0, 1.5, np.hypot(1, 0.25)]], atol=1e-12)
 
 

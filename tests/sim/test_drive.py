@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
+
 from clew.errors import InputError
 from clew.sim import DriveModel, drive
-from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 RATE = 50.0

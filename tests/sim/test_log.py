@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+
 from clew.errors import InputError
 from clew.geometry import se2
 from clew.io import open_log
@@ -93,8 +94,8 @@ def test_beams_drop_out_as_often_as_the_model_says() -> None:
 
 
 def test_odometry_without_errors_is_the_truth() -> None:
-    log = simulate(office_building(1), Drive(small_log().timestamps, small_log().T_world_robot), LaserModel(),
-                   OdometryModel(), 1)
+    driven = Drive(small_log().timestamps, small_log().T_world_robot)
+    log = simulate(office_building(1), driven, LaserModel(), OdometryModel(), 1)
     np.testing.assert_allclose(se2.compose(log.T_world_robot[0], log.T_odom_robot), log.T_world_robot, atol=1e-9)
 
 
@@ -152,7 +153,8 @@ def test_carmen_refuses_what_it_cannot_describe(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("options", [
-    {"beams": 1}, {"field_of_view": 7.0}, {"range_min": 9.0, "range_max": 8.0}, {"sigma_range": -1.0}, {"dropout": 2.0},
+    {"beams": 1}, {"field_of_view": 7.0}, {"range_min": 9.0, "range_max": 8.0}, {"sigma_range": -1.0},
+    {"dropout": 2.0},
 ])
 def test_impossible_lasers_are_refused(options: dict[str, float]) -> None:
     with pytest.raises(InputError, match="LaserModel"):

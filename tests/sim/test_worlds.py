@@ -6,11 +6,13 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-from clew.errors import InputError
-from clew.sim import World, cast_rays, drive, hall, long_corridor, loop, office_building, tour
 from numpy.typing import NDArray
 
+from clew.errors import InputError
+from clew.sim import World, cast_rays, drive, hall, long_corridor, loop, office_building, tour
+
 Array = NDArray[np.float64]
+BARE = World("bare", np.zeros((0, 2, 2)), np.zeros((1, 2)), np.zeros((0, 2), dtype=np.int64))
 WORLDS = [office_building, long_corridor, hall, loop]
 
 
@@ -72,9 +74,13 @@ def test_tour_closes_loops_in_both_directions() -> None:
 
 
 @pytest.mark.parametrize("make", [
-    lambda: office_building(1, crossings=1), lambda: office_building(1, length=15.0), lambda: long_corridor(1, length=5.0),
-    lambda: hall(1, width=5.0), lambda: loop(1, length=20.0), lambda: tour(hall(1), 1, 0.0),
-    lambda: tour(World("bare", np.zeros((0, 2, 2)), np.zeros((1, 2)), np.zeros((0, 2), dtype=np.int64)), 1, 10.0),
+    lambda: office_building(1, crossings=1),
+    lambda: office_building(1, length=15.0),
+    lambda: long_corridor(1, length=5.0),
+    lambda: hall(1, width=5.0),
+    lambda: loop(1, length=20.0),
+    lambda: tour(hall(1), 1, 0.0),
+    lambda: tour(BARE, 1, 10.0),
 ])
 def test_impossible_requests_are_refused(make: Callable[[], object]) -> None:
     with pytest.raises(InputError):

@@ -137,7 +137,8 @@ def _path(points: Array, model: DriveModel) -> tuple[Array, Array]:
     acceleration = np.diff(speed) / np.diff(times)
     gone = np.concatenate([[0.0], np.cumsum(steps)])
     at = gone[step] + speed[step] * since + 0.5 * acceleration[step] * since ** 2
-    return moments, np.column_stack([np.interp(at, gone, column) for column in (*smooth.T, heading)])
+    columns = (smooth[:, 0], smooth[:, 1], heading)
+    return moments, np.column_stack([np.interp(at, gone, column) for column in columns])
 
 
 def _accelerate(limit: Array, steps: Array, model: DriveModel) -> Array:

@@ -19,8 +19,8 @@ def tour(world: World, seed: int, length: float) -> Array:
     """Way points of a walk that closes loops and comes back over its own way in both directions.
 
     At every place the walk takes the link that it has used least, in either direction; it turns round only in
-    dead ends and when it leaves a room, and enters some of the rooms that it passes. Each visit of a place passes
-    it a little beside where the last one did.
+    dead ends and when it leaves a room, and enters some of the rooms that it passes. Each visit of a place
+    passes it a little beside where the last one did.
 
     Args:
         world: where to walk.
