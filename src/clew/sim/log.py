@@ -1,0 +1,112 @@
+"""A simulated log: what a robot would have recorded, and the truth behind it."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from clew.errors import InputError
+from clew.motion import Odometry
+from clew.scan import LaserScan
+from clew.sim.drive import Drive
+from clew.sim.laser import LaserModel, cast_rays, sensor_poses
+from clew.sim.odometry import OdometryModel
+from clew.sim.people import cover, walk
+from clew.sim.world import Array, World
+
+
+@dataclass
+class SimulationReport:
+    """Counts of records by kind, as a reader of a file would report them; nothing is left out."""
+
+    used: Counter[str] = field(default_factory=Counter)
+    skipped: Counter[str] = field(default_factory=Counter)
+
+
+@dataclass(frozen=True, eq=False)
+class SimulatedLog:
+    """Scans and odometry of a drive with its truth; `measurements` streams them as a log file's reader does.
+
+    Attributes:
+        world: where the robot drove.
+        laser: with what it looked.
+        timestamps: ``(N,)`` seconds, one a scan.
+        T_world_robot: ``(N, 3)`` true poses at the timestamps (x, y, theta).
+        T_odom_robot: ``(N, 3)`` dead reckoning at the timestamps, from the identity.
+        ranges: ``(N, B)`` metres, ``inf`` for no return.
+        moving: ``(N, B)`` True where the beam met a person.
+        path: stands for the path of a log file; nothing is there.
+        report: counts of records.
+    """
+
+    world: World
+    laser: LaserModel
+    timestamps: Array
+    T_world_robot: Array
+    T_odom_robot: Array
+    ranges: Array
+    moving: NDArray[np.bool_]
+    path: Path
+    report: SimulationReport
+
+    @property
+    def scan_count(self) -> int:
+        """Number of scans."""
+        return len(self.timestamps)
+
+    @property
+    def duration(self) -> float:
+        """Seconds from the first to the last scan."""
+        return float(self.timestamps[-1] - self.timestamps[0])
+
+    def scan(self, index: int) -> LaserScan:
+        """The scan at the timestamp of this index."""
+        return LaserScan(float(self.timestamps[index]), self.ranges[index], self.laser.angle_min,
+                         self.laser.angle_increment, self.laser.range_min, self.laser.range_max,
+                         np.array(self.laser.T_robot_sensor))
+
+    def measurements(self) -> Iterator[LaserScan | Odometry]:
+        """Yield the odometry and then the scan of each timestamp."""
+        for index, timestamp in enumerate(self.timestamps.tolist()):
+            yield Odometry(timestamp, self.T_odom_robot[index])
+            yield self.scan(index)
+
+
+def simulate(world: World, driven: Drive, laser: LaserModel, odometry: OdometryModel, seed: int, *,
+             people: int = 0) -> SimulatedLog:
+    """Record what a robot measures on a drive; same arguments, same bytes.
+
+    Laser, odometry and people have streams of noise of their own: changing one leaves the others as they are.
+
+    Args:
+        world: where the robot drives.
+        driven: timestamps and true poses, one scan each.
+        laser: the sensor.
+        odometry: errors of dead reckoning.
+        seed: of all noise.
+        people: number of people who walk through the world.
+
+    Raises:
+        InputError: an empty drive or a negative number of people.
+    """
+    if len(driven.timestamps) == 0 or people < 0:
+        raise InputError("simulate: needs a drive of at least one pose and no negative number of people")
+    of_laser, of_odometry, of_people = np.random.SeedSequence(seed).spawn(3)
+    poses = driven.T_world_robot
+    T_world_sensor = sensor_poses(poses, laser)
+    distances = cast_rays(world.segments, T_world_sensor, laser.angles, laser.range_max + 1.0)
+    moving = np.zeros(distances.shape, dtype=np.bool_)
+    if people:
+        positions = walk(world, driven.timestamps, people, int(of_people.generate_state(1)[0]))
+        distances, moving = cover(distances, T_world_sensor, laser.angles, positions)
+    ranges = laser.measure(distances, np.random.default_rng(of_laser))
+    count = len(driven.timestamps)
+    return SimulatedLog(world, laser, driven.timestamps, poses,
+                        odometry.reckon(poses, np.random.default_rng(of_odometry)), ranges,
+                        moving & np.isfinite(ranges), Path(f"{world.name}-{seed}.simulated"),
+                        SimulationReport(used=Counter(scan=count, odometry=count)))
