@@ -1,0 +1,131 @@
+"""Rigid motions of the plane on plain arrays ``(..., 3)``: ``(x, y, theta)``, theta in ``(-pi, pi]``.
+
+Tangents are ``(..., 3)``, translation first. `retract` is decoupled and *not* ``compose(a, exp(delta))``;
+both agree to first order, so Jacobians of the group operations are those of the usual right perturbation.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from clew.geometry import so2
+from clew.geometry.angles import half_cotangent, sinc, versine_ratio, wrap
+
+Array = NDArray[np.float64]
+
+
+def canonical(a: Array) -> Array:
+    """The storage that stands for a pose: theta wrapped."""
+    return np.stack((a[..., 0], a[..., 1], wrap(a[..., 2])), axis=-1)
+
+
+def compose(a: Array, b: Array) -> Array:
+    """``a b``: first `b`, then `a`."""
+    cos, sin = np.cos(a[..., 2]), np.sin(a[..., 2])
+    x, y = b[..., 0], b[..., 1]
+    return np.stack(
+        (a[..., 0] + cos * x - sin * y, a[..., 1] + sin * x + cos * y, wrap(a[..., 2] + b[..., 2])), axis=-1
+    )
+
+
+def inverse(a: Array) -> Array:
+    """``a^-1``."""
+    cos, sin = np.cos(a[..., 2]), np.sin(a[..., 2])
+    x, y = a[..., 0], a[..., 1]
+    return np.stack((-cos * x - sin * y, sin * x - cos * y, wrap(-a[..., 2])), axis=-1)
+
+
+def between(a: Array, b: Array) -> Array:
+    """``a^-1 b``: pose `b` as seen from pose `a`."""
+    theta = a[..., 2]
+    cos, sin = np.cos(theta), np.sin(theta)
+    dx, dy = b[..., 0] - a[..., 0], b[..., 1] - a[..., 1]
+    return np.stack((cos * dx + sin * dy, cos * dy - sin * dx, wrap(b[..., 2] - theta)), axis=-1)
+
+
+def act(a: Array, points: Array) -> Array:
+    """Points ``(..., 2)`` mapped by the pose: ``t + R p``."""
+    cos, sin = np.cos(a[..., 2]), np.sin(a[..., 2])
+    x, y = points[..., 0], points[..., 1]
+    return np.stack((a[..., 0] + cos * x - sin * y, a[..., 1] + sin * x + cos * y), axis=-1)
+
+
+def exp(tangent: Array) -> Array:
+    """Group exponential: the motion with constant body velocity `tangent` for unit time."""
+    x, y, theta = tangent[..., 0], tangent[..., 1], tangent[..., 2]
+    squared = theta * theta
+    along, across = sinc(squared), theta * versine_ratio(squared)
+    return np.stack((along * x - across * y, across * x + along * y, wrap(theta)), axis=-1)
+
+
+def log(a: Array) -> Array:
+    """Inverse of `exp` for angles in ``(-pi, pi]``."""
+    x, y, theta = a[..., 0], a[..., 1], wrap(a[..., 2])
+    along, across = half_cotangent(theta * theta), 0.5 * theta
+    return np.stack((along * x + across * y, along * y - across * x, theta), axis=-1)
+
+
+def adjoint(a: Array) -> Array:
+    """``(..., 3, 3)`` with ``a exp(v) a^-1 = exp(adjoint(a) v)``."""
+    cos, sin = np.cos(a[..., 2]), np.sin(a[..., 2])
+    zero, one = np.zeros_like(cos), np.ones_like(cos)
+    return np.stack(
+        (
+            np.stack((cos, -sin, a[..., 1]), axis=-1),
+            np.stack((sin, cos, -a[..., 0]), axis=-1),
+            np.stack((zero, zero, one), axis=-1),
+        ),
+        axis=-2,
+    )
+
+
+def matrix(a: Array) -> Array:
+    """``(..., 3, 3)`` homogeneous matrix."""
+    cos, sin = np.cos(a[..., 2]), np.sin(a[..., 2])
+    zero, one = np.zeros_like(cos), np.ones_like(cos)
+    return np.stack(
+        (
+            np.stack((cos, -sin, a[..., 0]), axis=-1),
+            np.stack((sin, cos, a[..., 1]), axis=-1),
+            np.stack((zero, zero, one), axis=-1),
+        ),
+        axis=-2,
+    )
+
+
+def retract(a: Array, delta: Array) -> Array:
+    """``t + R v, theta + w`` for ``delta = (v, w)``."""
+    return compose(a, delta)
+
+
+def local(a: Array, b: Array) -> Array:
+    """The tangent that `retract` needs to get from `a` to `b`."""
+    return between(a, b)
+
+
+def local_jacobians(a: Array, b: Array) -> tuple[Array, Array]:
+    """Derivatives ``(..., 3, 3)`` of `local` by `a` and by `b`."""
+    relative = between(a, b)
+    by_b = np.zeros((*relative.shape, 3))
+    by_b[..., :2, :2] = so2.matrix(relative[..., 2:])
+    by_b[..., 2, 2] = 1.0
+    by_a = np.zeros((*relative.shape, 3))
+    by_a[..., [0, 1, 2], [0, 1, 2]] = -1.0
+    by_a[..., 0, 2] = relative[..., 1]
+    by_a[..., 1, 2] = -relative[..., 0]
+    return by_a, by_b
+
+
+def act_jacobians(a: Array, points: Array) -> tuple[Array, Array]:
+    """Derivatives of `act` by the pose, ``(..., 2, 3)``, and by the point, ``(..., 2, 2)``."""
+    turned, by_point = so2.act_jacobians(a[..., 2:], points)
+    return np.concatenate((by_point, turned), axis=-1), by_point
+
+
+def tangent_basis(a: Array) -> Array:
+    """Derivative ``(..., 3, 3)`` of the storage by the tangent of `retract` at zero."""
+    basis = np.zeros((*a.shape, 3))
+    basis[..., :2, :2] = so2.matrix(a[..., 2:])
+    basis[..., 2, 2] = 1.0
+    return basis
