@@ -5,6 +5,7 @@
 
 #include "carmen.hpp"
 #include "module.hpp"
+#include "table.hpp"
 
 namespace clew {
 
@@ -44,10 +45,24 @@ nb::dict parse_carmen(const nb::bytes& text) {
     return out;
 }
 
+nb::tuple parse_table(const nb::bytes& text, std::int64_t columns) {
+    if (columns < 1) throw nb::value_error("columns must be positive");
+    io::Table table;
+    {
+        const auto content = view(text);
+        nb::gil_scoped_release release;
+        table = io::parse_table(content, columns);
+    }
+    return nb::make_tuple(to_array(std::move(table.values), static_cast<std::size_t>(columns)),
+                          to_array(std::move(table.lines)), table.bad_line, table.bad_count);
+}
+
 }  // namespace
 
 void bind_io(nb::module_ m) {
     m.def("parse_carmen", &parse_carmen, nb::arg("text"), "Records of a CARMEN text log as arrays.");
+    m.def("parse_table", &parse_table, nb::arg("text"), nb::arg("columns"),
+          "Rows of numbers, their lines, the first bad line (0: none) and how many numbers it began with.");
 }
 
 }  // namespace clew

@@ -1,1 +1,10 @@
 """Non-linear least squares on factor graphs: compile, initialise, optimise, covariance, diagnosis."""
+
+from clew.solve.gauge import Part
+from clew.solve.loop import Progress
+from clew.solve.optimize import compile_graph, optimize
+from clew.solve.problem import Problem
+from clew.solve.solution import Solution
+from clew.solve.status import Status
+
+__all__ = ["Part", "Problem", "Progress", "Solution", "Status", "compile_graph", "optimize"]

@@ -1,0 +1,75 @@
+"""How sure the solution is: covariances of the variables at the minimum."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from clew.errors import InputError
+from clew.linalg import Factor, FactorStatus
+from clew.noise import Kernel
+from clew.solve.evaluate import System
+from clew.solve.problem import Problem, Values
+
+Array = NDArray[np.float64]
+Index = NDArray[np.int64]
+
+
+@dataclass(frozen=True, eq=False)
+class Posterior:
+    """The Gaussian around the minimum: inverse of the (robustly weighted) Hessian, factored when first asked.
+
+    Variables that are held constant have the covariance zero.
+    """
+
+    problem: Problem
+    values: Values
+    robust: Kernel | None
+
+    @cached_property
+    def system(self) -> System:
+        """Normal equations at the solution."""
+        system = self.problem.empty_system()
+        self.problem.evaluate(self.values, self.robust, system)
+        return system
+
+    @cached_property
+    def factor(self) -> Factor:
+        """Cholesky factor of the Hessian, whatever its status."""
+        return self.problem.symbolic.factorize(self.system.hessian)
+
+    def _factor(self) -> Factor:
+        if self.factor.status is not FactorStatus.OK:
+            column = self.factor.failed_variable
+            where = f" (first noticed at key {self.problem.key_of(column)})" if column >= 0 else ""
+            raise InputError("there is no covariance: the measurements leave some variables free to move" + where
+                             + "; see Solution.diagnosis")
+        return self.factor
+
+    def marginals(self, table: int) -> Array:
+        """Marginal covariances ``(N, dim, dim)`` of all variables of one kind."""
+        columns, dim = self.problem.columns[table], self.problem.tables[table].kind.dim
+        out = np.zeros((len(columns), dim, dim))
+        free = columns >= 0
+        if free.any():
+            start = self.problem.pattern.marginal_offsets[columns[free]]
+            out[free] = self._marginals[start[:, None] + np.arange(dim * dim)].reshape(-1, dim, dim)
+        return out
+
+    @cached_property
+    def _marginals(self) -> Array:
+        return self._factor().marginals()
+
+    def joint(self, columns: Index, sizes: Index) -> Array:
+        """Dense joint covariance of variables given by their columns (-1: constant) and tangent sizes."""
+        starts = np.append(0, np.cumsum(sizes))
+        free = columns >= 0
+        scalars = np.concatenate([np.arange(s, s + d) for s, d in zip(starts[:-1][free], sizes[free], strict=True)]
+                                 or [np.empty(0, np.int64)])
+        out = np.zeros((int(starts[-1]), int(starts[-1])))
+        if free.any():
+            out[np.ix_(scalars, scalars)] = self._factor().joint_covariance(columns[free])
+        return out
