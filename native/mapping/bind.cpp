@@ -1,7 +1,70 @@
+#include <array>
+#include <stdexcept>
+
+#include "mapping/raycast.hpp"
 #include "module.hpp"
 
 namespace clew {
 
-void bind_mapping(nb::module_ m) { (void)m; }
+namespace {
+
+using CellArray = nb::ndarray<std::uint16_t, nb::shape<-1, -1, 3>, nb::c_contig, nb::device::cpu>;
+using PoseArray = nb::ndarray<const double, nb::shape<-1, 3>, nb::c_contig, nb::device::cpu>;
+using PointArray = nb::ndarray<const double, nb::shape<-1, 2>, nb::c_contig, nb::device::cpu>;
+using IndexArray = nb::ndarray<const std::int64_t, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
+using FlagArray = nb::ndarray<const bool, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
+
+// The values (finite poses and endpoints) are checked by the Python door; what could reach beyond an array is checked here.
+mapping::Rays checked(const PoseArray& poses, const IndexArray& offsets, const PointArray& endpoints,
+                      const FlagArray& hit) {
+    const auto beams = static_cast<std::int64_t>(endpoints.shape(0));
+    if (hit.shape(0) != endpoints.shape(0)) throw std::invalid_argument("hit and endpoints differ in length");
+    if (offsets.shape(0) != poses.shape(0) + 1) throw std::invalid_argument("offsets must be one longer than poses");
+    if (offsets(0) != 0 || offsets(poses.shape(0)) != beams) {
+        throw std::invalid_argument("offsets must run from 0 to the number of beams");
+    }
+    for (std::size_t s = 0; s < poses.shape(0); ++s) {
+        if (offsets(s) > offsets(s + 1)) throw std::invalid_argument("offsets must not decrease");
+    }
+    return {poses.data(), offsets.data(), endpoints.data(), hit.data(), poses.shape(0)};
+}
+
+}  // namespace
+
+void bind_mapping(nb::module_ m) {
+    m.def(
+        "cast_rays",
+        [](CellArray cells, std::int64_t first_row, std::int64_t first_col, double resolution, PoseArray poses,
+           IndexArray offsets, PointArray endpoints, FlagArray hit, double margin, std::uint16_t stamp) {
+            const mapping::Rays rays = checked(poses, offsets, endpoints, hit);
+            if (!(resolution > 0.0) || !(margin >= 0.0)) {
+                throw std::invalid_argument("resolution must be positive and margin not negative");
+            }
+            const mapping::Window window{reinterpret_cast<mapping::Cell*>(cells.data()),
+                                         static_cast<std::int64_t>(cells.shape(0)),
+                                         static_cast<std::int64_t>(cells.shape(1)),
+                                         first_row,
+                                         first_col,
+                                         resolution};
+            nb::gil_scoped_release release;
+            return mapping::cast(window, rays, margin, stamp);
+        },
+        nb::arg("cells").noconvert(), nb::arg("first_row"), nb::arg("first_col"), nb::arg("resolution"),
+        nb::arg("T_world_sensor").noconvert(), nb::arg("offsets").noconvert(), nb::arg("endpoints").noconvert(),
+        nb::arg("hit").noconvert(), nb::arg("margin"), nb::arg("stamp"));
+    m.def(
+        "ray_bounds",
+        [](PoseArray poses, IndexArray offsets, PointArray endpoints, FlagArray hit) {
+            const mapping::Rays rays = checked(poses, offsets, endpoints, hit);
+            std::array<double, 4> box{};
+            {
+                nb::gil_scoped_release release;
+                mapping::bounds(rays, box.data());
+            }
+            return nb::make_tuple(box[0], box[1], box[2], box[3]);
+        },
+        nb::arg("T_world_sensor").noconvert(), nb::arg("offsets").noconvert(), nb::arg("endpoints").noconvert(),
+        nb::arg("hit").noconvert());
+}
 
 }  // namespace clew

@@ -1,7 +1,207 @@
+#include <algorithm>
+#include <cmath>
+#include <stdexcept>
+#include <thread>
+#include <vector>
+
+#include "align.hpp"
+#include "correlate.hpp"
+#include "index.hpp"
 #include "module.hpp"
+#include "surface.hpp"
 
 namespace clew {
 
-void bind_scan(nb::module_ m) { (void)m; }
+namespace {
+
+using namespace scan;
+
+template <typename T>
+using Vector = nb::ndarray<const T, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
+using Rows2 = nb::ndarray<const double, nb::shape<-1, 2>, nb::c_contig, nb::device::cpu>;
+using Rows3 = nb::ndarray<const double, nb::shape<-1, 3>, nb::c_contig, nb::device::cpu>;
+template <typename T>
+using Out = nb::ndarray<nb::numpy, T>;
+
+void require(bool condition, const char* message) {
+    if (!condition) throw std::invalid_argument(message);
+}
+
+template <typename T>
+Out<T> own(std::vector<T>&& data, std::initializer_list<std::size_t> shape) {
+    auto* held = new std::vector<T>(std::move(data));
+    nb::capsule owner(held, [](void* p) noexcept { delete static_cast<std::vector<T>*>(p); });
+    return Out<T>(held->data(), shape, owner);
+}
+
+nb::tuple surface_normals_(const Rows2& points, const Vector<std::int32_t>& beams, std::int32_t window, double radius,
+                           double gap_base, double gap_per_metre) {
+    const std::size_t n = points.shape(0);
+    require(beams.shape(0) == n, "surface_normals: points and beams differ in length");
+    require(window >= 1 && radius > 0, "surface_normals: window and radius must be positive");
+    std::vector<double> normals(2 * n), along(n);
+    std::vector<std::int32_t> support(n);
+    {
+        nb::gil_scoped_release release;
+        surface_normals(points.data(), beams.data(), n, {window, radius, gap_base, gap_per_metre}, normals.data(),
+                        along.data(), support.data());
+    }
+    return nb::make_tuple(own(std::move(normals), {n, 2}), own(std::move(along), {n}), own(std::move(support), {n}));
+}
+
+nb::tuple sort_into_buckets_(const Rows2& points, double origin_x, double origin_y, double cell, std::int32_t width,
+                             std::int32_t height) {
+    require(width > 0 && height > 0 && cell > 0, "sort_into_buckets: the grid is empty");
+    const std::size_t n = points.shape(0), cells = static_cast<std::size_t>(width) * static_cast<std::size_t>(height);
+    std::vector<std::int32_t> starts(cells + 1), order(n);
+    {
+        nb::gil_scoped_release release;
+        sort_into_buckets(points.data(), n, origin_x, origin_y, cell, width, height, starts.data(), order.data());
+    }
+    return nb::make_tuple(own(std::move(starts), {cells + 1}), own(std::move(order), {n}));
+}
+
+nb::tuple group_surfels_(const Rows2& points, const Rows2& normals, double voxel) {
+    const std::size_t n = points.shape(0);
+    require(normals.shape(0) == n, "group_surfels: points and normals differ in length");
+    require(voxel > 0, "group_surfels: voxel must be positive");
+    std::vector<std::int32_t> group(n);
+    std::size_t count = 0;
+    {
+        nb::gil_scoped_release release;
+        count = group_surfels(points.data(), normals.data(), n, voxel, group.data());
+    }
+    return nb::make_tuple(own(std::move(group), {n}), count);
+}
+
+Out<std::uint8_t> build_pyramid_(const Rows2& points, double sigma, std::int32_t levels, std::int32_t height,
+                                 std::int32_t width, double origin_x, double origin_y, double resolution) {
+    require(levels >= 1 && levels <= 12 && height > 0 && width > 0, "build_pyramid: the grid is empty");
+    require(sigma > 0 && resolution > 0, "build_pyramid: sigma and resolution must be positive");
+    const auto l = static_cast<std::size_t>(levels), h = static_cast<std::size_t>(height), w = static_cast<std::size_t>(width);
+    std::vector<std::uint8_t> cells(l * h * w);
+    {
+        nb::gil_scoped_release release;
+        build_pyramid(points.data(), points.shape(0), sigma,
+                      {nullptr, levels, height, width, origin_x, origin_y, resolution}, cells.data());
+    }
+    return own(std::move(cells), {l, h, w});
+}
+
+Pose pose_of(const Vector<double>& v, const char* message) {
+    require(v.shape(0) == 3, message);
+    return {v.data()[0], v.data()[1], v.data()[2]};
+}
+
+// Vectors of three hold (x, y, theta). Returns (found, pose, score, likelihood, evaluated).
+nb::tuple correlate_(const nb::ndarray<const std::uint8_t, nb::ndim<3>, nb::c_contig, nb::device::cpu>& cells,
+                     double origin_x, double origin_y, double resolution, const Rows2& points,
+                     const Vector<double>& centre, const Vector<double>& half, double step_theta,
+                     const Vector<double>& prior_sigmas, double prior_weight, double minimum_score,
+                     const Vector<double>& excluded, double exclude_distance, double exclude_angle) {
+    require(resolution > 0 && step_theta > 0, "correlate: resolution and step_theta must be positive");
+    const Pose middle = pose_of(centre, "correlate: centre must be (3,)"), window = pose_of(half, "correlate: half must be (3,)");
+    const Pose prior = pose_of(prior_sigmas, "correlate: prior_sigmas must be (3,)");
+    require(std::isfinite(middle.x) && std::isfinite(middle.y) && std::isfinite(middle.theta), "correlate: centre is not finite");
+    require(window.x >= 0 && window.y >= 0 && window.theta >= 0 && std::isfinite(window.x + window.y + window.theta),
+            "correlate: the window must be finite and not negative");
+    require(window.x / resolution < 1e5 && window.y / resolution < 1e5 && window.theta / step_theta < 1e5,
+            "correlate: the window is too large");
+    require(prior.x > 0 && prior.y > 0 && prior.theta > 0, "correlate: prior_sigmas must be positive");
+    const bool exclude = excluded.shape(0) == 3;
+    const PyramidView pyramid{cells.data(), static_cast<std::int32_t>(cells.shape(0)), static_cast<std::int32_t>(cells.shape(1)),
+                              static_cast<std::int32_t>(cells.shape(2)), origin_x, origin_y, resolution};
+    const SearchOptions options{middle, window.x, window.y, window.theta, step_theta, prior.x, prior.y, prior.theta,
+                                prior_weight, minimum_score, exclude,
+                                exclude ? pose_of(excluded, "") : Pose{0, 0, 0}, exclude_distance, exclude_angle};
+    SearchResult result;
+    {
+        nb::gil_scoped_release release;
+        result = correlate(pyramid, points.data(), points.shape(0), options);
+    }
+    return nb::make_tuple(result.found, own(std::vector<double>{result.pose.x, result.pose.y, result.pose.theta}, {3}),
+                          result.score, result.likelihood, result.evaluated);
+}
+
+// Clouds of points one after the other, with offsets (C + 1,); the indices of the targets likewise.
+nb::tuple align_(const Rows2& target_points, const Rows2& target_normals, const Vector<double>& target_along,
+                 const Vector<std::int64_t>& target_offsets, const Vector<std::int32_t>& starts,
+                 const Vector<std::int64_t>& starts_offsets, const Vector<std::int32_t>& order, const Rows2& origins,
+                 const nb::ndarray<const std::int32_t, nb::shape<-1, 2>, nb::c_contig, nb::device::cpu>& shapes,
+                 const Vector<double>& cells,
+                 const Rows2& points, const Rows2& normals, const Vector<double>& weights,
+                 const Vector<std::int64_t>& offsets,
+                 const nb::ndarray<const std::int32_t, nb::shape<-1, 2>, nb::c_contig, nb::device::cpu>& pairs,
+                 const Rows3& T_start, const Rows3& T_prior,
+                 const nb::ndarray<const double, nb::shape<-1, 3, 3>, nb::c_contig, nb::device::cpu>& prior_information,
+                 double radius_start, double radius_end, double sigma, double robust, double facing,
+                 std::int32_t iterations, int threads) {
+    const auto clouds = static_cast<std::int64_t>(origins.shape(0));
+    const auto sources = static_cast<std::int64_t>(offsets.shape(0)) - 1;
+    const std::size_t m = pairs.shape(0), targets_n = target_points.shape(0);
+    require(target_normals.shape(0) == targets_n && target_along.shape(0) == targets_n && order.shape(0) == targets_n,
+            "align: arrays of the targets differ in length");
+    require(normals.shape(0) == points.shape(0) && weights.shape(0) == points.shape(0),
+            "align: arrays of the sources differ in length");
+    require(static_cast<std::int64_t>(target_offsets.shape(0)) == clouds + 1 && sources >= 0 &&
+                static_cast<std::int64_t>(starts_offsets.shape(0)) == clouds + 1 &&
+                static_cast<std::int64_t>(shapes.shape(0)) == clouds &&
+                static_cast<std::int64_t>(cells.shape(0)) == clouds, "align: offsets do not fit the clouds");
+    require(T_start.shape(0) == m && T_prior.shape(0) == m && prior_information.shape(0) == m,
+            "align: one start and one prior a pair");
+    require(radius_start >= radius_end && radius_end > 0 && sigma > 0 && robust > 0 && iterations > 0,
+            "align: radii, sigma, robust and iterations must be positive");
+    require(target_offsets.data()[clouds] == static_cast<std::int64_t>(targets_n) && target_offsets.data()[0] == 0 &&
+                offsets.data()[sources] == static_cast<std::int64_t>(points.shape(0)) && offsets.data()[0] == 0 &&
+                starts_offsets.data()[clouds] == static_cast<std::int64_t>(starts.shape(0)),
+            "align: offsets do not fit the arrays");
+    for (std::size_t k = 0; k < m; ++k)
+        require(pairs.data()[2 * k] >= 0 && pairs.data()[2 * k] < clouds && pairs.data()[2 * k + 1] >= 0 &&
+                    pairs.data()[2 * k + 1] < sources, "align: a pair names a cloud that does not exist");
+
+    std::vector<double> poses(3 * m), information(9 * m), steps(3 * m), overlap(m), rms(m);
+    const AlignOptions options{radius_start, radius_end, sigma, robust, facing, iterations};
+    const auto work = [&](std::size_t first, std::size_t last) {
+        for (std::size_t k = first; k < last; ++k) {
+            const std::int32_t a = pairs.data()[2 * k], b = pairs.data()[2 * k + 1];
+            const std::int64_t at = target_offsets.data()[a], from = offsets.data()[b], to = offsets.data()[b + 1];
+            const PointIndexView target{target_points.data() + 2 * at, target_normals.data() + 2 * at,
+                                        target_along.data() + at, starts.data() + starts_offsets.data()[a],
+                                        order.data() + at, origins.data()[2 * a], origins.data()[2 * a + 1], cells.data()[a],
+                                        shapes.data()[2 * a], shapes.data()[2 * a + 1]};
+            const double* t = T_start.data() + 3 * k;
+            const double* p = T_prior.data() + 3 * k;
+            const AlignResult r = align(target, points.data() + 2 * from, normals.data() + 2 * from, weights.data() + from,
+                                        static_cast<std::size_t>(to - from), {t[0], t[1], t[2]}, {p[0], p[1], p[2]},
+                                        prior_information.data() + 9 * k, options);
+            poses[3 * k] = r.pose.x; poses[3 * k + 1] = r.pose.y; poses[3 * k + 2] = r.pose.theta;
+            std::copy(r.information, r.information + 9, information.begin() + static_cast<std::ptrdiff_t>(9 * k));
+            std::copy(r.step, r.step + 3, steps.begin() + static_cast<std::ptrdiff_t>(3 * k));
+            overlap[k] = r.overlap;
+            rms[k] = r.rms;
+        }
+    };
+    {
+        nb::gil_scoped_release release;
+        const std::size_t crew = std::min<std::size_t>(static_cast<std::size_t>(std::max(threads, 1)), std::max<std::size_t>(m, 1));
+        std::vector<std::thread> helpers;
+        for (std::size_t w = 1; w < crew; ++w) helpers.emplace_back(work, m * w / crew, m * (w + 1) / crew);
+        work(0, m / crew);
+        for (auto& helper : helpers) helper.join();
+    }
+    return nb::make_tuple(own(std::move(poses), {m, 3}), own(std::move(information), {m, 3, 3}), own(std::move(steps), {m, 3}),
+                          own(std::move(overlap), {m}), own(std::move(rms), {m}));
+}
+
+}  // namespace
+
+void bind_scan(nb::module_ m) {
+    m.def("surface_normals", &surface_normals_);
+    m.def("sort_into_buckets", &sort_into_buckets_);
+    m.def("group_surfels", &group_surfels_);
+    m.def("build_pyramid", &build_pyramid_);
+    m.def("correlate", &correlate_);
+    m.def("align", &align_);
+}
 
 }  // namespace clew

@@ -1,1 +1,21 @@
+import numpy as np
+from numpy.typing import NDArray
 
+def cast_rays(
+    cells: NDArray[np.uint16],
+    first_row: int,
+    first_col: int,
+    resolution: float,
+    T_world_sensor: NDArray[np.float64],
+    offsets: NDArray[np.int64],
+    endpoints: NDArray[np.float64],
+    hit: NDArray[np.bool_],
+    margin: float,
+    stamp: int,
+) -> int: ...
+def ray_bounds(
+    T_world_sensor: NDArray[np.float64],
+    offsets: NDArray[np.int64],
+    endpoints: NDArray[np.float64],
+    hit: NDArray[np.bool_],
+) -> tuple[float, float, float, float]: ...

@@ -1,1 +1,27 @@
+import numpy as np
+from numpy.typing import NDArray
 
+_F = NDArray[np.float64]
+
+def surface_normals(
+    points: _F, beams: NDArray[np.int32], window: int, radius: float, gap_base: float, gap_per_metre: float
+) -> tuple[_F, _F, NDArray[np.int32]]: ...
+def sort_into_buckets(
+    points: _F, origin_x: float, origin_y: float, cell: float, width: int, height: int
+) -> tuple[NDArray[np.int32], NDArray[np.int32]]: ...
+def group_surfels(points: _F, normals: _F, voxel: float) -> tuple[NDArray[np.int32], int]: ...
+def build_pyramid(
+    points: _F, sigma: float, levels: int, height: int, width: int, origin_x: float, origin_y: float, resolution: float
+) -> NDArray[np.uint8]: ...
+def correlate(
+    cells: NDArray[np.uint8], origin_x: float, origin_y: float, resolution: float, points: _F, centre: _F, half: _F,
+    step_theta: float, prior_sigmas: _F, prior_weight: float, minimum_score: float, excluded: _F,
+    exclude_distance: float, exclude_angle: float,
+) -> tuple[bool, _F, float, float, int]: ...
+def align(
+    target_points: _F, target_normals: _F, target_along: _F, target_offsets: NDArray[np.int64],
+    starts: NDArray[np.int32], starts_offsets: NDArray[np.int64], order: NDArray[np.int32], origins: _F,
+    shapes: NDArray[np.int32], cells: _F, points: _F, normals: _F, weights: _F, offsets: NDArray[np.int64],
+    pairs: NDArray[np.int32], T_start: _F, T_prior: _F, prior_information: _F, radius_start: float,
+    radius_end: float, sigma: float, robust: float, facing: float, iterations: int, threads: int,
+) -> tuple[_F, _F, _F, _F, _F]: ...

@@ -39,4 +39,4 @@ class LaserScan:
     @property
     def angles(self) -> Array:
         """``(n,)`` direction of each beam in the sensor frame, radians."""
-        return self.angle_min + self.angle_increment * np.arange(self.ranges.shape[0])
+        return np.asarray(self.angle_min + self.angle_increment * np.arange(self.ranges.shape[0]), dtype=np.float64)

@@ -1,0 +1,153 @@
+#include "align.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+namespace clew::scan {
+
+namespace {
+
+struct Normal {
+    double h[6] = {0, 0, 0, 0, 0, 0};  // xx, xy, xt, yy, yt, tt
+    double g[3] = {0, 0, 0};
+    double weight = 0, squares = 0;
+    std::size_t partners = 0;
+
+    void add(double jx, double jy, double jt, double r, double w) {
+        h[0] += w * jx * jx; h[1] += w * jx * jy; h[2] += w * jx * jt;
+        h[3] += w * jy * jy; h[4] += w * jy * jt; h[5] += w * jt * jt;
+        g[0] += w * jx * r; g[1] += w * jy * r; g[2] += w * jt * r;
+    }
+};
+
+std::int32_t nearest(const PointIndexView& t, double x, double y, double nx, double ny, double facing, double radius) {
+    const auto clamp_cell = [&](double v, std::int32_t limit) {
+        return static_cast<std::int32_t>(std::clamp(std::floor(v / t.cell), 0.0, limit - 1.0));
+    };
+    const double lx = x - t.origin_x, ly = y - t.origin_y;
+    if (lx < -radius || ly < -radius || lx > t.width * t.cell + radius || ly > t.height * t.cell + radius) return -1;
+    const std::int32_t x0 = clamp_cell(lx - radius, t.width), x1 = clamp_cell(lx + radius, t.width);
+    const std::int32_t y0 = clamp_cell(ly - radius, t.height), y1 = clamp_cell(ly + radius, t.height);
+    double best = radius * radius;
+    std::int32_t found = -1;
+    for (std::int32_t by = y0; by <= y1; ++by) {
+        const std::int32_t* row = t.starts + static_cast<std::ptrdiff_t>(by) * t.width;
+        // Buckets of one row lie next to each other in `order`.
+        for (std::int32_t k = row[x0]; k < row[x1 + 1]; ++k) {
+            const std::int32_t j = t.order[k];
+            const double dx = t.points[2 * j] - x, dy = t.points[2 * j + 1] - y;
+            const double d = dx * dx + dy * dy;
+            if (d < best && t.normals[2 * j] * nx + t.normals[2 * j + 1] * ny >= facing) {
+                best = d;
+                found = j;
+            }
+        }
+    }
+    return found;
+}
+
+Normal linearise(const PointIndexView& target, const double* points, const double* normals, const double* weights,
+                 std::size_t n, const Pose& pose, double radius, const AlignOptions& o) {
+    Normal out;
+    const double c = std::cos(pose.theta), s = std::sin(pose.theta);
+    const double precision = 1.0 / (o.sigma * o.sigma), scale2 = o.robust * o.robust * o.sigma * o.sigma;
+    for (std::size_t i = 0; i < n; ++i) {
+        const double px = points[2 * i], py = points[2 * i + 1];
+        const double x = c * px - s * py + pose.x, y = s * px + c * py + pose.y;
+        const double mx = c * normals[2 * i] - s * normals[2 * i + 1], my = s * normals[2 * i] + c * normals[2 * i + 1];
+        const std::int32_t j = nearest(target, x, y, mx, my, o.facing, radius);
+        if (j < 0) continue;
+        const double nx = target.normals[2 * j], ny = target.normals[2 * j + 1];
+        const double dx = x - target.points[2 * j], dy = y - target.points[2 * j + 1];
+        const double r = nx * dx + ny * dy;
+        const double w = weights[i] / (1.0 + r * r / scale2);
+        // d(residual) of the right-hand tangent: n^T R v + n^T R (-py, px) w.
+        const double jx = nx * c + ny * s, jy = -nx * s + ny * c;
+        out.add(jx, jy, -jx * py + jy * px, r, w * precision);
+        const double tangential = target.along[j];
+        if (tangential > 0) {
+            const double q = -ny * dx + nx * dy;
+            const double kx = -ny * c + nx * s, ky = ny * s + nx * c;
+            out.add(kx, ky, -kx * py + ky * px, q, tangential * weights[i] / (1.0 + q * q / scale2) * precision);
+        }
+        out.weight += w;
+        out.squares += w * r * r;
+        ++out.partners;
+    }
+    return out;
+}
+
+// Solves the symmetric 3x3 system h x = b by an LDL^T with a floor on the pivots; zero along what nothing measures.
+void solve3(const double* h, const double* b, double* x) {
+    const double floor_ = 1e-9 * (std::abs(h[0]) + std::abs(h[3]) + std::abs(h[5])) + 1e-300;
+    const double d0 = std::max(h[0], floor_);
+    const double l10 = h[1] / d0, l20 = h[2] / d0;
+    const double d1 = std::max(h[3] - l10 * h[1], floor_);
+    const double m21 = h[4] - l20 * h[1], l21 = m21 / d1;
+    const double d2 = std::max(h[5] - l20 * h[2] - l21 * m21, floor_);
+    const double y0 = b[0], y1 = b[1] - l10 * y0, y2 = b[2] - l20 * y0 - l21 * y1;
+    x[2] = y2 / d2;
+    x[1] = y1 / d1 - l21 * x[2];
+    x[0] = y0 / d0 - l10 * x[1] - l20 * x[2];
+}
+
+void add_prior(Normal& normal, const Pose& pose, const Pose& prior, const double* information) {
+    // Residual R_prior^T (t - t_prior), theta - theta_prior; its derivative for v is the relative rotation.
+    const double c0 = std::cos(prior.theta), s0 = std::sin(prior.theta);
+    const double dx = pose.x - prior.x, dy = pose.y - prior.y, dt = wrap(pose.theta - prior.theta);
+    const double e[3] = {c0 * dx + s0 * dy, -s0 * dx + c0 * dy, dt};
+    const double c = std::cos(dt), s = std::sin(dt);
+    const double jac[3][3] = {{c, -s, 0}, {s, c, 0}, {0, 0, 1}};
+    double oj[3][3], oe[3];
+    for (int a = 0; a < 3; ++a) {
+        oe[a] = information[3 * a] * e[0] + information[3 * a + 1] * e[1] + information[3 * a + 2] * e[2];
+        for (int b = 0; b < 3; ++b)
+            oj[a][b] = information[3 * a] * jac[0][b] + information[3 * a + 1] * jac[1][b] + information[3 * a + 2] * jac[2][b];
+    }
+    const int upper[6][2] = {{0, 0}, {0, 1}, {0, 2}, {1, 1}, {1, 2}, {2, 2}};
+    for (int k = 0; k < 6; ++k)
+        for (int a = 0; a < 3; ++a) normal.h[k] += jac[a][upper[k][0]] * oj[a][upper[k][1]];
+    for (int b = 0; b < 3; ++b)
+        for (int a = 0; a < 3; ++a) normal.g[b] += jac[a][b] * oe[a];
+}
+
+}  // namespace
+
+AlignResult align(const PointIndexView& target, const double* points, const double* normals, const double* weights,
+                  std::size_t n, const Pose& start, const Pose& prior, const double* prior_information,
+                  const AlignOptions& o) {
+    Pose pose = start;
+    double radius = o.radius_start;
+    std::int32_t iteration = 0;
+    for (; iteration < o.iterations; ++iteration) {
+        Normal normal = linearise(target, points, normals, weights, n, pose, radius, o);
+        add_prior(normal, pose, prior, prior_information);
+        double step[3];
+        const double b[3] = {-normal.g[0], -normal.g[1], -normal.g[2]};
+        solve3(normal.h, b, step);
+        const double length = std::hypot(step[0], step[1]);
+        if (length > o.radius_start) { step[0] *= o.radius_start / length; step[1] *= o.radius_start / length; }
+        step[2] = std::clamp(step[2], -0.2, 0.2);
+        const double c = std::cos(pose.theta), s = std::sin(pose.theta);
+        pose.x += c * step[0] - s * step[1];
+        pose.y += s * step[0] + c * step[1];
+        pose.theta = wrap(pose.theta + step[2]);
+        const bool small = length < 1e-5 && std::abs(step[2]) < 1e-6;
+        if (radius <= o.radius_end && small) break;
+        radius = small ? o.radius_end : std::max(o.radius_end, 0.6 * radius);
+    }
+    const Normal data = linearise(target, points, normals, weights, n, pose, o.radius_end, o);
+    AlignResult out;
+    out.pose = pose;
+    const double* h = data.h;
+    const double full[9] = {h[0], h[1], h[2], h[1], h[3], h[4], h[2], h[4], h[5]};
+    std::copy(full, full + 9, out.information);
+    const double b[3] = {-data.g[0], -data.g[1], -data.g[2]};
+    solve3(data.h, b, out.step);
+    out.overlap = n ? static_cast<double>(data.partners) / static_cast<double>(n) : 0.0;
+    out.rms = data.weight > 0 ? std::sqrt(data.squares / data.weight) : 0.0;
+    out.iterations = iteration;
+    return out;
+}
+
+}  // namespace clew::scan

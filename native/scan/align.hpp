@@ -1,0 +1,35 @@
+// Point-to-line alignment of scans (Censi 2008) with robust weights and a prior.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+
+#include "views.hpp"
+
+namespace clew::scan {
+
+struct AlignOptions {
+    double radius_start;   // metres; correspondences are sought within it at the first iteration,
+    double radius_end;     //   and within this at the last ones
+    double sigma;          // metres; standard deviation of a return about its surface
+    double robust;         // Cauchy scale in sigmas
+    double facing;         // least cosine between the two normals of a correspondence
+    std::int32_t iterations;
+};
+
+struct AlignResult {
+    Pose pose;               // T_target_source
+    double information[9];   // of the data alone, tangent (x, y, theta) of the pose, row-major
+    double step[3];          // Gauss-Newton step that the data alone ask for at `pose`
+    double overlap;          // share of the source's points with a partner within radius_end
+    double rms;              // metres; weighted residual along the normals
+    std::int32_t iterations;
+};
+
+// Pose of the source's points in the target's frame, from `start`, with a Gaussian prior about `prior`
+// (information row-major, zero for none).
+AlignResult align(const PointIndexView& target, const double* points, const double* normals, const double* weights,
+                  std::size_t n, const Pose& start, const Pose& prior, const double* prior_information,
+                  const AlignOptions& options);
+
+}  // namespace clew::scan

@@ -1,0 +1,19 @@
+// Points sorted into buckets for nearest-neighbour search.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <vector>
+
+namespace clew::scan {
+
+// Counting sort of points (n, 2) into a width x height grid of cells; `starts` (width * height + 1), `order` (n,).
+void sort_into_buckets(const double* points, std::size_t n, double origin_x, double origin_y, double cell,
+                       std::int32_t width, std::int32_t height, std::int32_t* starts, std::int32_t* order);
+
+// Points that share a square of side `voxel` and look the same way become one: mean position, mean normal.
+// `group` (n,) receives the index of each point's surfel in order of first appearance; returns the number of surfels.
+std::size_t group_surfels(const double* points, const double* normals, std::size_t n, double voxel,
+                          std::int32_t* group);
+
+}  // namespace clew::scan

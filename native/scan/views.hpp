@@ -1,0 +1,27 @@
+// Plain views that the kernels of this room share; the binding checks shapes and builds them.
+#pragma once
+
+#include <cmath>
+#include <cstddef>
+#include <cstdint>
+
+namespace clew::scan {
+
+struct Pose {
+    double x, y, theta;
+};
+
+// Points sorted into square buckets: bucket b of the grid holds order[starts[b] .. starts[b + 1]).
+struct PointIndexView {
+    const double* points;   // (n, 2)
+    const double* normals;  // (n, 2) unit, towards the side from which the surface was seen
+    const double* along;    // (n,) weight of the tangential direction, 0 for a line, 1 for a blob
+    const std::int32_t* starts;
+    const std::int32_t* order;
+    double origin_x, origin_y, cell;
+    std::int32_t width, height;
+};
+
+inline double wrap(double angle) { return std::remainder(angle, 6.283185307179586476925286766559); }
+
+}  // namespace clew::scan

@@ -1,0 +1,99 @@
+"""The occupancy grid: what a finished map is."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import IntEnum
+
+import numpy as np
+from numpy.typing import NDArray
+
+from clew.errors import InputError
+
+Array = NDArray[np.float64]
+
+
+class CellState(IntEnum):
+    """State of a cell in `OccupancyGrid.states`."""
+
+    FREE = 0
+    OCCUPIED = 1
+    UNKNOWN = 2
+
+
+@dataclass(frozen=True, eq=False)
+class OccupancyGrid:
+    """A map of square cells, each with the log-odds of being occupied; row 0 is the lowest y.
+
+    Attributes:
+        log_odds: ``(H, W)`` natural logarithm of p / (1 - p), float32; exactly 0 where nothing was observed.
+        resolution: side of a cell, metres.
+        origin: ``(2,)`` world position of the outer corner of cell (0, 0), metres.
+
+    Raises:
+        InputError: a shape is wrong, or the resolution is not positive.
+    """
+
+    log_odds: NDArray[np.float32]
+    resolution: float
+    origin: Array
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "log_odds", np.asarray(self.log_odds, dtype=np.float32))
+        object.__setattr__(self, "origin", np.asarray(self.origin, dtype=np.float64))
+        if self.log_odds.ndim != 2 or self.origin.shape != (2,):
+            raise InputError(f"an occupancy grid needs log_odds (H, W) and origin (2,); got "
+                             f"{self.log_odds.shape} and {self.origin.shape}")
+        if not (np.isfinite(self.resolution) and self.resolution > 0.0):
+            raise InputError(f"the resolution of an occupancy grid must be positive, not {self.resolution}")
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Rows and columns ``(H, W)``."""
+        return (self.log_odds.shape[0], self.log_odds.shape[1])
+
+    @property
+    def observed(self) -> NDArray[np.bool_]:
+        """``(H, W)`` True where at least one ray says something about the cell."""
+        return np.not_equal(self.log_odds, 0.0)
+
+    @property
+    def extent(self) -> tuple[float, float, float, float]:
+        """World coordinates ``(x_min, x_max, y_min, y_max)`` of the outer border, metres."""
+        x, y = (float(value) for value in self.origin)
+        rows, cols = self.shape
+        return (x, x + cols * self.resolution, y, y + rows * self.resolution)
+
+    def probabilities(self) -> NDArray[np.float32]:
+        """``(H, W)`` probability that each cell is occupied; 0.5 where nothing was observed."""
+        return np.asarray(1.0 / (1.0 + np.exp(-self.log_odds)), dtype=np.float32)
+
+    def states(self) -> NDArray[np.uint8]:
+        """``(H, W)`` the likelier state of each cell, or unknown, as numbers of `CellState`."""
+        states = np.full(self.shape, CellState.UNKNOWN, dtype=np.uint8)
+        states[self.log_odds < 0.0] = CellState.FREE
+        states[self.log_odds > 0.0] = CellState.OCCUPIED
+        return states
+
+    def world_to_cell(self, p_world: Array) -> NDArray[np.int64]:
+        """Cells ``(..., 2)`` as (row, column) that hold world points ``(..., 2)``; may be outside."""
+        cells = np.floor((np.asarray(p_world, dtype=np.float64) - self.origin) / self.resolution)
+        return cells[..., ::-1].astype(np.int64)
+
+    def cell_to_world(self, cells: NDArray[np.int64]) -> Array:
+        """World positions ``(..., 2)`` of the centres of cells ``(..., 2)`` given as (row, column)."""
+        return self.origin + (np.asarray(cells)[..., ::-1] + 0.5) * self.resolution
+
+    def cropped(self, padding: float = 0.0) -> OccupancyGrid:
+        """The part that holds all observed cells, with `padding` metres of unknown around.
+
+        A grid in which nothing was observed is returned as it is.
+        """
+        observed = self.observed
+        rows, cols = np.flatnonzero(observed.any(axis=1)), np.flatnonzero(observed.any(axis=0))
+        if rows.size == 0:
+            return self
+        border = round(padding / self.resolution)
+        content = self.log_odds[rows[0]:rows[-1] + 1, cols[0]:cols[-1] + 1]
+        corner = np.array([cols[0] - border, rows[0] - border])
+        return OccupancyGrid(np.pad(content, border), self.resolution, self.origin + corner * self.resolution)

@@ -1,0 +1,94 @@
+"""Alignment of point clouds to sub-cell precision: point to line, robust, with a prior."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from clew import _native
+from clew.scan.index import IndexedClouds, SourceClouds
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class AlignmentOptions:
+    """How correspondences are sought and weighted.
+
+    Attributes:
+        radius_start, radius_end: metres; the search for partners narrows from the first to the second.
+        sigma: standard deviation of a return about its surface, metres.
+        robust: scale of the Cauchy weights, in sigmas.
+        facing: least cosine between the normals of two partners.
+        iterations: Gauss-Newton steps at most.
+    """
+
+    radius_start: float = 0.4
+    radius_end: float = 0.12
+    sigma: float = 0.015
+    robust: float = 2.0
+    facing: float = 0.7
+    iterations: int = 20
+
+
+@dataclass(frozen=True)
+class Alignment:
+    """Poses of sources in the frames of their targets, one row a pair.
+
+    Attributes:
+        T_target_source: ``(P, 3)``.
+        information: ``(P, 3, 3)`` of the returns alone, in the tangent of the pose; nearly singular along a corridor.
+        step: ``(P, 3)`` tangent step from the pose to the optimum of the returns alone (zero without a prior).
+        overlap: ``(P,)`` share of the source's points that found a partner within ``radius_end``.
+        rms: ``(P,)`` residual along the normals, metres.
+    """
+
+    T_target_source: Array
+    information: Array
+    step: Array
+    overlap: Array
+    rms: Array
+
+
+def align(
+    targets: IndexedClouds,
+    sources: SourceClouds,
+    pairs: NDArray[np.int32],
+    T_start: Array,
+    *,
+    T_prior: Array | None = None,
+    prior_information: Array | None = None,
+    options: AlignmentOptions | None = None,
+    threads: int = 1,
+) -> Alignment:
+    """Align sources with targets, from `T_start`, point to line (Censi, ICRA 2008).
+
+    Args:
+        targets: indexed clouds that hold still.
+        sources: clouds that move.
+        pairs: ``(P, 2)`` index of the target, index of the source.
+        T_start: ``(P, 3)`` first guess of ``T_target_source``.
+        T_prior: ``(P, 3)`` mean of a Gaussian prior; `T_start` unless given.
+        prior_information: ``(P, 3, 3)``; none unless given.
+        options: see `AlignmentOptions`.
+        threads: how many threads share the pairs; the result does not depend on it.
+    """
+    o = options or AlignmentOptions()
+    count = pairs.shape[0]
+    start = np.ascontiguousarray(T_start, dtype=np.float64)
+    prior = start if T_prior is None else np.ascontiguousarray(T_prior, dtype=np.float64)
+    if prior_information is None:
+        prior_information = np.zeros((count, 3, 3))
+    t, s = targets.cloud, sources.cloud
+    return Alignment(
+        *_native.scan.align(
+            t.points, t.normals, t.along, targets.offsets, targets.starts, targets.starts_offsets, targets.order,
+            targets.origins, targets.shapes, targets.cells,
+            s.points, s.normals, s.weights, sources.offsets,
+            np.ascontiguousarray(pairs, dtype=np.int32), start, prior,
+            np.ascontiguousarray(prior_information, dtype=np.float64),
+            o.radius_start, o.radius_end, o.sigma, o.robust, o.facing, o.iterations, threads,
+        )
+    )  # fmt: skip

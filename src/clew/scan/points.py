@@ -1,0 +1,96 @@
+"""Returns of a scan as points with surface normals, ready for matching."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from clew import _native
+from clew.scan.laser import LaserScan
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class CleaningOptions:
+    """How returns are cleaned and their surfaces estimated.
+
+    Attributes:
+        range_limit: returns further away are left out, metres; grazing far returns say little and cost much.
+        window_angle: neighbours within this angle on each side make the surface, radians (two beams at least).
+        radius: neighbours further than this from the return do not count, metres.
+        gap_base, gap_per_metre: a step between neighbouring returns longer than
+            ``gap_base + gap_per_metre * range`` ends the surface.
+        spacing: returns closer together than this share their weight, metres, so that a wall right beside
+            the robot does not outvote the rest of the room.
+        blob: ratio of a neighbourhood's minor to major deviation from which it counts as no line.
+    """
+
+    range_limit: float = 40.0
+    window_angle: float = 0.05
+    radius: float = 0.5
+    gap_base: float = 0.06
+    gap_per_metre: float = 0.06
+    spacing: float = 0.05
+    blob: float = 0.4
+
+
+@dataclass(frozen=True)
+class ScanPoints:
+    """Points with normals in one frame.
+
+    Attributes:
+        points: ``(n, 2)`` metres.
+        normals: ``(n, 2)`` unit normals, towards the side from which the surface was seen.
+        along: ``(n,)`` in [0, 1], how much a point also holds along its surface: 0 on a line, 1 in a blob.
+        weights: ``(n,)`` in (0, 1].
+    """
+
+    points: Array
+    normals: Array
+    along: Array
+    weights: Array
+
+    def __len__(self) -> int:
+        return int(self.points.shape[0])
+
+    def transformed(self, pose: Array) -> ScanPoints:
+        """The same points seen from the frame in which `pose` ``(3,)`` holds the present one."""
+        c, s = np.cos(pose[2]), np.sin(pose[2])
+        rotation_t = np.array([[c, s], [-s, c]])
+        return ScanPoints(self.points @ rotation_t + pose[:2], self.normals @ rotation_t, self.along, self.weights)
+
+
+def concatenate(clouds: list[ScanPoints]) -> ScanPoints:
+    """One cloud of several in the same frame."""
+    return ScanPoints(
+        np.concatenate([c.points for c in clouds]),
+        np.concatenate([c.normals for c in clouds]),
+        np.concatenate([c.along for c in clouds]),
+        np.concatenate([c.weights for c in clouds]),
+    )
+
+
+def extract_points(scan: LaserScan, options: CleaningOptions | None = None) -> ScanPoints:
+    """Returns of a scan in the robot's frame, without invalid, too far and isolated ones.
+
+    An isolated return, with no neighbour on its surface, is mostly a mixed pixel at an edge or dust.
+    """
+    options = options or CleaningOptions()
+    ranges = scan.ranges
+    limit = min(scan.range_max, options.range_limit)
+    beams = np.flatnonzero((ranges >= scan.range_min) & (ranges <= limit)).astype(np.int32)
+    r = ranges[beams]
+    angles = scan.angle_min + scan.angle_increment * beams
+    points = np.stack([r * np.cos(angles), r * np.sin(angles)], axis=1)
+    window = max(2, round(options.window_angle / abs(scan.angle_increment)))
+    normals, ratio, support = _native.scan.surface_normals(
+        points, beams, window, options.radius, options.gap_base, options.gap_per_metre
+    )
+    keep = support > 0
+    points, normals, ratio, r = points[keep], normals[keep], ratio[keep], r[keep]
+    along = np.where(ratio > options.blob, ratio, 0.0)
+    weights = np.clip(r * abs(scan.angle_increment) / options.spacing, 0.1, 1.0)
+    return ScanPoints(points, normals, along, weights).transformed(scan.T_robot_sensor)

@@ -1,0 +1,132 @@
+"""The one configuration that serves every log."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from clew.motion import OdometryNoise
+from clew.place import ConsistencyOptions, VerificationOptions
+from clew.scan import AlignmentOptions, CleaningOptions
+
+
+@dataclass(frozen=True)
+class TrackingOptions:
+    """How each scan is matched against the local map.
+
+    Attributes:
+        still_distance, still_angle: a robot that moved less since the last matched scan is not matched again,
+            metres and radians.
+        keyframe_distance, keyframe_angle, keyframe_seconds: a scan becomes a keyframe when the robot has driven,
+            turned or waited this much since the last one (waited: and moved at all).
+        map_keyframes: how many recent keyframes make the local map.
+        resolution, sigma: cell and blur of the correlative search, metres.
+        window_sigmas: half of the search window in deviations of the prediction,
+        window_floor: and its least half size, metres, metres, radians.
+        prior_weight: weight of the prediction against the mean likelihood in the search.
+        voxel: side of a surfel of the local map, metres.
+        information_scale: returns of one scan share errors (calibration, the surface's own roughness), so that
+            they count less than independent ones.
+        overlap: a match that explains less of the scan is not believed; odometry carries on.
+        velocity_sigmas: deviation of a prediction by constant velocity, where there is no odometry,
+            metres and radians a second.
+    """
+
+    still_distance: float = 0.03
+    still_angle: float = 0.01
+    keyframe_distance: float = 0.4
+    keyframe_angle: float = 0.35
+    keyframe_seconds: float = 10.0
+    map_keyframes: int = 20
+    resolution: float = 0.05
+    sigma: float = 0.06
+    window_sigmas: float = 3.0
+    window_floor: tuple[float, float, float] = (0.1, 0.1, 0.03)
+    prior_weight: float = 0.02
+    voxel: float = 0.05
+    information_scale: float = 0.05
+    overlap: float = 0.3
+    velocity_sigmas: tuple[float, float] = (0.6, 0.8)
+
+
+@dataclass(frozen=True)
+class ClosingOptions:
+    """Where closures are looked for, and which are believed.
+
+    Attributes:
+        path: metres driven since the older keyframe before it can be closed with.
+        every: metres driven between two attempts.
+        anchor_every: one keyframe in so many carries a submap.
+        submap_keyframes: keyframes on each side of the anchor in its submap.
+        query_keyframes: recent keyframes that make the query.
+        reach: a submap is a candidate when it may lie this close, metres.
+        candidates: submaps that are matched at most in one attempt.
+        similarity: least cosine of the descriptors.
+        sigmas: half of the search window in deviations of the prediction,
+        window_floor: its least half size, metres and radians,
+        window_ceiling: and its largest.
+        gate: largest squared Mahalanobis distance between measured and predicted pose.
+        tracked: a closure that moves the robot by less than this, metres and radians, needs no other to agree;
+        supporters: any other needs so many that do,
+        support_path: from sources within this many metres of path.
+        cached_submaps: submaps kept in memory.
+        information_scale: as in `TrackingOptions`.
+        kernel_scale: scale of the robust kernel on closures (DCS), in squared whitened residuals.
+        residual: a closure with a larger squared residual after optimisation is withdrawn.
+    """
+
+    path: float = 12.0
+    every: float = 0.8
+    anchor_every: int = 4
+    submap_keyframes: int = 8
+    query_keyframes: int = 8
+    reach: float = 5.0
+    candidates: int = 3
+    similarity: float = 0.5
+    sigmas: float = 3.0
+    window_floor: tuple[float, float] = (0.3, 0.06)
+    window_ceiling: tuple[float, float] = (12.0, 1.0)
+    gate: float = 16.3
+    tracked: tuple[float, float] = (0.3, 0.06)
+    supporters: int = 2
+    support_path: float = 6.0
+    cached_submaps: int = 64
+    information_scale: float = 0.02
+    kernel_scale: float = 10.0
+    residual: float = 40.0
+
+
+@dataclass(frozen=True)
+class RefinementOptions:
+    """The joint refinement of all keyframes against each other.
+
+    Attributes:
+        radius: pairs of keyframes within this distance, metres,
+        neighbours: at most so many a keyframe.
+        overlap: pairs that share less are left out.
+        rounds: how often correspondences are sought again at most.
+        movement: it has converged when no keyframe moves more, metres.
+        information_scale: as in `TrackingOptions`.
+    """
+
+    radius: float = 4.0
+    neighbours: int = 12
+    overlap: float = 0.4
+    rounds: int = 4
+    movement: float = 0.002
+    information_scale: float = 0.01
+
+
+@dataclass(frozen=True)
+class SlamConfig:
+    """All that can be set; the defaults are meant for every log."""
+
+    cleaning: CleaningOptions = field(default_factory=CleaningOptions)
+    odometry: OdometryNoise = field(default_factory=OdometryNoise)
+    tracking: TrackingOptions = field(default_factory=TrackingOptions)
+    alignment: AlignmentOptions = field(default_factory=AlignmentOptions)
+    closing: ClosingOptions = field(default_factory=ClosingOptions)
+    verification: VerificationOptions = field(default_factory=VerificationOptions)
+    consistency: ConsistencyOptions = field(default_factory=ConsistencyOptions)
+    refinement: RefinementOptions = field(default_factory=RefinementOptions)
+    map_resolution: float = 0.05
+    threads: int = 2

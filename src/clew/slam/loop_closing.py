@@ -1,0 +1,227 @@
+"""Finding loop closures and deciding which to believe."""
+
+from __future__ import annotations
+
+from collections import OrderedDict
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from clew.geometry import se2
+from clew.place import Closure, Submap, Verdict, agree, build_submap, describe, similarity, verify
+from clew.slam.config import SlamConfig
+from clew.slam.keyframes import KeyframeStore
+from clew.slam.pose_graph import PoseGraph
+
+Array = NDArray[np.float64]
+
+QUERY_VOXEL = 0.05  # metres
+SHORTLIST = 12  # nearest candidates whose uncertainty and appearance are looked at
+
+
+@dataclass
+class _Accepted:
+    closure: Closure
+    factor: int
+
+
+class LoopCloser:
+    """Proposes closures of the newest keyframe with older ones and adds to the graph those that are confirmed.
+
+    A candidate must look alike, match a submap in one place only, overlap, and not contradict free space
+    (`clew.place.verify`); it must agree with the graph within its uncertainty; and, unless it hardly moves the robot,
+    it waits until others from different places agree with it. After optimisation, a closure that no longer fits
+    is withdrawn.
+    """
+
+    def __init__(self, keyframes: KeyframeStore, graph: PoseGraph, config: SlamConfig) -> None:
+        self._keyframes = keyframes
+        self._graph = graph
+        self._config = config
+        self._submaps: OrderedDict[int, Submap] = OrderedDict()
+        self._descriptors: dict[int, Array] = {}
+        self._accepted: list[_Accepted] = []
+        self._waiting: list[Closure] = []
+        self._rejected: list[Closure] = []
+        self._last_attempt = -np.inf
+
+    @property
+    def accepted(self) -> list[Closure]:
+        """Closures that the graph holds."""
+        return [a.closure for a in self._accepted]
+
+    @property
+    def rejected(self) -> list[Closure]:
+        """Candidates that were turned down, with the reason; those that still wait are among them."""
+        return self._rejected + self._waiting
+
+    def attempt(self) -> bool:
+        """Look for closures of the newest keyframe; whether the graph was changed and optimised."""
+        options = self._config.closing
+        source = len(self._keyframes) - 1
+        path = self._keyframes[source].path
+        if path - self._last_attempt < options.every:
+            return False
+        anchors, covariances = self._candidates(source)
+        if not len(anchors):
+            return False
+        self._last_attempt = path
+        members = np.arange(max(0, source + 1 - options.query_keyframes), source + 1)
+        query = self._keyframes.surfels(source, members, QUERY_VOXEL)
+        alike = similarity(np.stack([self._describe(int(a)) for a in anchors]), describe(query.points))
+        order = np.argsort(-alike, kind="stable")
+        order = order[alike[order] >= options.similarity][: options.candidates]
+        poses = self._graph.poses
+        proposals = []
+        for i in order:
+            window = self._window(covariances[i])
+            T_predicted = se2.between(poses[anchors[i]], poses[source])
+            closure = verify(
+                self._submap(int(anchors[i])), query, source, T_predicted, window, float(alike[i]),
+                self._config.verification,
+            )  # fmt: skip
+            proposals.append(self._gate(closure, T_predicted, covariances[i]))
+        return self._decide(proposals)
+
+    # --- candidates -------------------------------------------------------------------------------------------------
+
+    def _candidates(self, source: int) -> tuple[NDArray[np.int64], Array]:
+        """Anchors that may be near the source, given its uncertainty, nearest first, with relative covariances."""
+        options = self._config.closing
+        limit = self._keyframes[source].path - options.path
+        last = source - options.submap_keyframes
+        anchors = np.arange(0, max(last, 0), options.anchor_every)
+        anchors = anchors[[self._keyframes[int(a)].path <= limit for a in anchors]] if len(anchors) else anchors
+        none = np.zeros(0, dtype=np.int64), np.zeros((0, 3, 3))
+        if not len(anchors):
+            return none
+        poses = self._graph.poses
+        tree = cKDTree(poses[anchors, :2])
+        ceiling = options.window_ceiling[0] + options.reach
+        distance, index = tree.query(poses[source, :2], k=SHORTLIST, distance_upper_bound=ceiling)
+        index = index[np.isfinite(distance)]
+        if not len(index):
+            return none
+        near = anchors[index].astype(np.int64)
+        covariances = self._graph.relative_covariances(source, near)
+        spread = options.sigmas * np.sqrt(covariances[:, 0, 0] + covariances[:, 1, 1])
+        possible = distance[np.isfinite(distance)] <= options.reach + spread
+        return near[possible], covariances[possible]
+
+    def _window(self, covariance: Array) -> Array:
+        options = self._config.closing
+        sigma = np.sqrt(np.array([covariance[0, 0] + covariance[1, 1], covariance[2, 2]]))
+        half = np.clip(options.sigmas * sigma, options.window_floor, options.window_ceiling)
+        return np.array([half[0], half[0], half[1]])
+
+    def _members(self, anchor: int) -> NDArray[np.int64]:
+        half = self._config.closing.submap_keyframes
+        return np.arange(max(0, anchor - half), min(len(self._keyframes), anchor + half + 1))
+
+    def _submap(self, anchor: int) -> Submap:
+        if anchor in self._submaps:
+            self._submaps.move_to_end(anchor)
+            return self._submaps[anchor]
+        members = self._members(anchor)
+        submap = build_submap(
+            anchor, members, self._keyframes.clouds(members), self._keyframes.relative(anchor, members),
+            self._keyframes.sensors(members),
+        )  # fmt: skip
+        self._submaps[anchor] = submap
+        if len(self._submaps) > self._config.closing.cached_submaps:
+            self._submaps.popitem(last=False)
+        return submap
+
+    def _describe(self, anchor: int) -> Array:
+        if anchor not in self._descriptors:
+            surfels = self._keyframes.surfels(anchor, self._members(anchor), QUERY_VOXEL)
+            self._descriptors[anchor] = describe(surfels.points)
+        return self._descriptors[anchor]
+
+    # --- decisions --------------------------------------------------------------------------------------------------
+
+    def _gate(self, closure: Closure, T_predicted: Array, covariance: Array) -> Closure:
+        """Agreement with the graph: the innovation against its covariance."""
+        if closure.verdict is not Verdict.WAITING:
+            return closure
+        error = se2.between(T_predicted, closure.T_target_source)
+        floor = np.diag([0.05, 0.05, 0.02]) ** 2
+        distance = float(error @ np.linalg.solve(covariance + floor, error))
+        if distance > self._config.closing.gate:
+            return replace(closure, verdict=Verdict.DISAGREES)
+        return closure
+
+    def _decide(self, proposals: list[Closure]) -> bool:
+        """Confirm what has support; keep waiting what may still get it."""
+        self._rejected += [p for p in proposals if p.verdict is not Verdict.WAITING]
+        candidates = [p for p in proposals if p.verdict is Verdict.WAITING]
+        if not candidates:
+            self._expire()
+            return False
+        best = max(candidates, key=lambda c: c.likelihood * c.overlap)
+        if any(not self._agree(best, c) for c in candidates):
+            self._rejected += [replace(c, verdict=Verdict.AMBIGUOUS) for c in candidates]
+            return False
+        if self._is_tracked(best):
+            self._accept(best)
+        else:
+            self._waiting += candidates
+            supporters = [w for w in self._waiting if w.source != best.source and self._agree(best, w)]
+            sources = {w.source for w in supporters}
+            if len(sources) < self._config.closing.supporters:
+                self._expire()
+                return False
+            for closure in [best, *supporters]:
+                self._accept(closure)
+            confirmed = {(c.source, c.target) for c in [best, *supporters]}
+            self._waiting = [w for w in self._waiting if (w.source, w.target) not in confirmed]
+        self._expire()
+        self._graph.optimise()
+        self._withdraw()
+        return True
+
+    def _is_tracked(self, closure: Closure) -> bool:
+        distance, angle = self._config.closing.tracked
+        return bool(self._accepted) and closure.innovation[0] < distance and closure.innovation[1] < angle
+
+    def _agree(self, a: Closure, b: Closure) -> bool:
+        keyframes = self._keyframes
+        path = abs(keyframes[a.source].path - keyframes[b.source].path) + abs(
+            keyframes[a.target].path - keyframes[b.target].path
+        )
+        T_source = se2.between(keyframes[a.source].T_local_robot, keyframes[b.source].T_local_robot)
+        poses = self._graph.poses
+        T_target = se2.between(poses[a.target], poses[b.target])
+        return agree(a, b, T_source, T_target, path, self._config.consistency)
+
+    def _expire(self) -> None:
+        """Turn down what has waited in vain."""
+        path = self._keyframes[len(self._keyframes) - 1].path - self._config.closing.support_path
+        old = [w for w in self._waiting if self._keyframes[w.source].path < path]
+        self._rejected += [replace(w, verdict=Verdict.ALONE) for w in old]
+        self._waiting = [w for w in self._waiting if self._keyframes[w.source].path >= path]
+
+    def _accept(self, closure: Closure) -> None:
+        information = self._config.closing.information_scale * closure.information
+        information = information + np.diag([1e-3, 1e-3, 1e-3])
+        closure = replace(closure, verdict=Verdict.CONFIRMED)
+        self._accepted.append(_Accepted(closure, self._graph.add_closure(closure, information)))
+
+    def _withdraw(self) -> None:
+        """Take out closures that the optimised graph contradicts."""
+        poses = self._graph.poses
+        kept = []
+        for accepted in self._accepted:
+            c = accepted.closure
+            error = se2.between(c.T_target_source, se2.between(poses[c.target], poses[c.source]))
+            residual = float(error @ (self._config.closing.information_scale * c.information) @ error)
+            if residual > self._config.closing.residual:
+                self._graph.remove(accepted.factor)
+                self._rejected.append(replace(c, verdict=Verdict.WITHDRAWN))
+            else:
+                kept.append(accepted)
+        if len(kept) < len(self._accepted):
+            self._accepted = kept
+            self._graph.optimise()

@@ -1,0 +1,114 @@
+"""The graph of keyframes, and what is asked of it."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from clew.factors import Between
+from clew.geometry import SE2, se2
+from clew.graph import FactorGraph, Role
+from clew.noise import DCS
+from clew.place import Closure
+from clew.solve import Solution, optimize
+from clew.slam.keyframes import Keyframe
+
+Array = NDArray[np.float64]
+
+FACTORISE_AFTER = 10  # keyframes; until then uncertainty is carried on along the odometry edges
+
+
+class PoseGraph:
+    """Keyframes tied by odometry and closures; keys are the indices of the keyframes.
+
+    The first keyframe holds still: the map hangs on it.
+    """
+
+    def __init__(self, kernel_scale: float) -> None:
+        self.graph = FactorGraph()
+        self.chi2 = 0.0
+        self._kernel = DCS(kernel_scale)
+        self._solution: Solution | None = None
+        self._solved = 0  # keyframes that the last solution knows
+        self._edge_covariances: list[Array] = []  # (3, 3) of each keyframe seen from the one before
+        self._steps: list[Array] = []
+
+    def __len__(self) -> int:
+        return len(self._steps)
+
+    @property
+    def poses(self) -> Array:
+        """``(K, 3)`` of the keyframes in the world."""
+        return np.asarray(self.graph.values(SE2).array, dtype=np.float64)
+
+    def add_keyframe(self, keyframe: Keyframe) -> None:
+        """Append a keyframe, tied to the one before."""
+        k = len(self)
+        if k == 0:
+            self.graph.add_pose(SE2.identity(), key=0, constant=True)
+            self._edge_covariances.append(np.zeros((3, 3)))
+        else:
+            step = SE2.from_array(keyframe.T_previous_this)
+            self.graph.add_pose(self.graph.value(k - 1) @ step, key=k)
+            self.graph.add(Between(k - 1, k, step, information=keyframe.information, role=Role.ODOMETRY))
+            self._edge_covariances.append(np.linalg.inv(keyframe.information))
+        self._steps.append(keyframe.T_previous_this)
+
+    def add_closure(self, closure: Closure, information: Array) -> int:
+        """Tie two keyframes by a closure; returns what `remove` takes."""
+        factor = Between(
+            closure.target, closure.source, SE2.from_array(closure.T_target_source),
+            information=information, role=Role.LOOP, kernel=self._kernel,
+        )  # fmt: skip
+        return int(np.asarray(self.graph.add(factor)).reshape(-1)[0])
+
+    def remove(self, factor: int) -> None:
+        """Take a closure out again."""
+        self.graph.remove(factor)
+
+    def optimise(self) -> None:
+        """Move the keyframes to where all edges agree best."""
+        if len(self) < 2:
+            return
+        self._solution = optimize(self.graph, init="current")
+        self._solved = len(self)
+        self.graph.set_values(np.arange(len(self)), self._solution.values(SE2))
+        self.chi2 = float(self._solution.chi2)
+
+    def set_poses(self, poses: Array) -> None:
+        """Put the keyframes to poses ``(K, 3)`` found elsewhere."""
+        self.graph.set_values(np.arange(len(self)), SE2.from_array(poses))
+
+    def relative_covariances(self, source: int, targets: NDArray[np.int64]) -> Array:
+        """Covariance ``(T, 3, 3)`` of the source's pose seen from each target, in the source's tangent."""
+        if self._solution is None or source - self._solved >= FACTORISE_AFTER:
+            self.optimise()
+        assert self._solution is not None
+        poses = self.poses
+        known = min(source, self._solved - 1)
+        ahead = np.zeros((3, 3))
+        for k in range(known + 1, source + 1):  # at most FACTORISE_AFTER keyframes
+            transport = se2.adjoint(se2.inverse(self._steps[k]))
+            ahead = transport @ ahead @ transport.T + self._edge_covariances[k]
+        to_source = se2.adjoint(se2.between(poses[source], poses[known]))
+        out = np.empty((len(targets), 3, 3))
+        for row, target in enumerate(targets):  # a handful of candidates
+            by_target, by_known = se2.local_jacobians(poses[target], poses[known])
+            joint = self._joint(int(target), known)
+            jacobian = np.concatenate([by_target, by_known], axis=1)
+            relative = jacobian @ joint @ jacobian.T
+            # From the decoupled tangent of `local` (target's axes) to the known keyframe's own tangent.
+            turn = by_known.T
+            out[row] = to_source @ (turn @ relative @ turn.T) @ to_source.T + ahead
+        return out
+
+    def _joint(self, a: int, b: int) -> Array:
+        """Joint covariance ``(6, 6)`` of two keyframes; the first keyframe is certain."""
+        assert self._solution is not None
+        joint = np.zeros((6, 6))
+        free = [key for key in (a, b) if key != 0]
+        if a == b:
+            raise ValueError("a keyframe has no uncertainty against itself")
+        rows = np.concatenate([np.arange(3) + 3 * (a, b).index(key) for key in free])
+        joint[np.ix_(rows, rows)] = self._solution.joint_covariance(free)
+        return joint

@@ -1,0 +1,132 @@
+"""Joint refinement: all keyframes against all that they overlap with, until nothing moves.
+
+The planar form of bundle adjustment for laser scans. Each pair of overlapping keyframes is aligned point to line; since
+the residuals of a pair depend on its relative pose alone, the pair enters the graph as that pose with the information
+of its returns. Solving the graph and aligning again from the new poses is repeated.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from clew.factors import Between
+from clew.geometry import SE2, se2
+from clew.graph import FactorGraph, Role
+from clew.noise import Cauchy
+from clew.scan import AlignmentOptions, IndexedClouds, align, index_cloud, join
+from clew.slam.config import SlamConfig
+from clew.slam.keyframes import KeyframeStore
+from clew.solve import optimize
+
+Array = NDArray[np.float64]
+
+RADII = ((0.3, 0.15), (0.2, 0.1), (0.1, 0.08))  # metres; the search for partners narrows from round to round
+WEAK_PRIOR = np.diag([1 / 0.05**2, 1 / 0.05**2, 1 / 0.02**2])  # keeps a pair in place where its returns say nothing
+RECENT = 10  # keyframes on the same stretch of path
+LEAST_INFORMATION = np.diag([1e-3, 1e-3, 1e-3])
+KERNEL = 3.0
+
+
+def overlapping_pairs(poses: Array, radius: float, neighbours: int) -> NDArray[np.int32]:
+    """Pairs ``(P, 2)`` of keyframes near each other, the older first: those next in time, and the nearest others.
+
+    A third of the neighbours may come from the same stretch of path, so that the rest ties different visits together.
+    """
+    count = len(poses)
+    tree = cKDTree(poses[:, :2])
+    pairs = tree.query_pairs(radius, output_type="ndarray")
+    if not len(pairs):
+        return np.zeros((0, 2), dtype=np.int32)
+    distance = np.hypot(*(poses[pairs[:, 0], :2] - poses[pairs[:, 1], :2]).T)
+    recent = np.abs(pairs[:, 1] - pairs[:, 0]) <= RECENT
+    kept = np.zeros(len(pairs), dtype=np.bool_)
+    for chosen, limit in ((recent, neighbours // 3), (~recent, neighbours - neighbours // 3)):
+        rows = np.flatnonzero(chosen)
+        for side in (0, 1):
+            owner = pairs[rows, side]
+            order = np.lexsort((distance[rows], owner))
+            first = np.searchsorted(owner[order], np.arange(count))
+            rank = np.arange(len(order)) - first[owner[order]]
+            kept[rows[order[rank < (limit + 1) // 2]]] = True
+    return np.asarray(pairs[kept], dtype=np.int32)
+
+
+def refine(
+    keyframes: KeyframeStore,
+    poses: Array,
+    config: SlamConfig,
+    progress: Callable[[int, int], None] | None = None,
+) -> FactorGraph:
+    """Graph of odometry and scan-to-scan edges at its optimum; keys are the indices of the keyframes.
+
+    Args:
+        keyframes: all keyframes.
+        poses: ``(K, 3)`` where to begin.
+        config: `SlamConfig.refinement` and `threads` are used.
+        progress: called with the rounds done and the most there can be.
+    """
+    options = config.refinement
+    count = len(keyframes)
+    clouds = join([index_cloud(keyframes[k].points) for k in range(count)])
+    graph = _odometry_graph(keyframes, poses)
+    added: NDArray[np.int64] | None = None
+    for round_ in range(options.rounds):
+        factor = _pair_factor(clouds, poses, round_, config)
+        if added is not None:
+            graph.remove(added)
+        added = None if factor is None else np.atleast_1d(np.asarray(graph.add(factor)))
+        solution = optimize(graph, init="current")
+        moved_to = np.asarray(solution.values(SE2).array)
+        movement = float(np.max(np.hypot(*(moved_to - poses)[:, :2].T)))
+        poses = moved_to
+        graph.set_values(np.arange(count), SE2.from_array(poses))
+        if progress is not None:
+            progress(round_ + 1, options.rounds)
+        if movement < options.movement and round_ + 1 >= len(RADII):
+            break
+    return graph
+
+
+def _odometry_graph(keyframes: KeyframeStore, poses: Array) -> FactorGraph:
+    graph = FactorGraph()
+    count = len(keyframes)
+    graph.add_pose(SE2.from_array(poses), key=np.arange(count))
+    graph.set_constant(0)
+    if count > 1:
+        steps = np.stack([keyframes[k].T_previous_this for k in range(1, count)])
+        information = np.stack([keyframes[k].information for k in range(1, count)])
+        graph.add(
+            Between(
+                np.arange(count - 1), np.arange(1, count), SE2.from_array(steps),
+                information=information, role=Role.ODOMETRY,
+            )
+        )  # fmt: skip
+    return graph
+
+
+def _pair_factor(clouds: IndexedClouds, poses: Array, round_: int, config: SlamConfig) -> Between | None:
+    """Scan-to-scan edges of all overlapping pairs, aligned from the present poses."""
+    options = config.refinement
+    pairs = overlapping_pairs(poses, options.radius, options.neighbours)
+    if not len(pairs):
+        return None
+    start, end = RADII[min(round_, len(RADII) - 1)]
+    T_start = se2.between(poses[pairs[:, 0]], poses[pairs[:, 1]])
+    fine = align(
+        clouds, clouds.as_sources(), pairs, T_start,
+        prior_information=np.broadcast_to(WEAK_PRIOR, (len(pairs), 3, 3)),
+        options=AlignmentOptions(radius_start=start, radius_end=end), threads=config.threads,
+    )  # fmt: skip
+    good = fine.overlap >= options.overlap
+    if not good.any():
+        return None
+    pairs = pairs[good]
+    information = options.information_scale * fine.information[good] + LEAST_INFORMATION
+    return Between(
+        pairs[:, 0].astype(np.int64), pairs[:, 1].astype(np.int64), SE2.from_array(fine.T_target_source[good]),
+        information=information, role=Role.LOOP, kernel=Cauchy(KERNEL),
+    )  # fmt: skip

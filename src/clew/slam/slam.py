@@ -1,0 +1,196 @@
+"""Simultaneous localisation and mapping, one measurement at a time."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from clew.errors import InputError
+from clew.geometry import SE2, se2
+from clew.graph import FactorGraph
+from clew.mapping import OccupancyGrid, build_occupancy_grid
+from clew.motion import Odometry, OdometryBuffer
+from clew.place import Closure
+from clew.scan import LaserScan
+from clew.slam.config import SlamConfig
+from clew.slam.keyframes import KeyframeStore
+from clew.slam.loop_closing import LoopCloser
+from clew.slam.pose_graph import PoseGraph
+from clew.slam.refine import refine
+from clew.slam.tracking import TrackedScan, Tracker
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Trajectory:
+    """Poses of the robot, one for every scan.
+
+    Attributes:
+        timestamps: ``(N,)`` seconds.
+        T_world_robot: ``(N, 3)``.
+    """
+
+    timestamps: Array
+    T_world_robot: Array
+
+    def __len__(self) -> int:
+        return int(self.timestamps.shape[0])
+
+
+class Slam:
+    """Takes odometry and scans as they come, and tells pose, trajectory, graph and map at any moment.
+
+    The world's frame is where the robot stood at the first scan.
+
+        slam = clew.Slam()
+        for measurement in log.measurements():
+            slam.add(measurement)
+        slam.refine()
+        slam.trajectory.T_world_robot, slam.graph, slam.map()
+
+    Args:
+        config: all options; the defaults serve every log.
+        use_odometry: whether to expect odometry; without it motion is predicted from the scans alone.
+    """
+
+    def __init__(self, config: SlamConfig | None = None, *, use_odometry: bool = True) -> None:
+        self.config = config or SlamConfig()
+        self._use_odometry = use_odometry
+        self._odometry = OdometryBuffer()
+        self._keyframes = KeyframeStore()
+        self._tracker = Tracker(self._keyframes, self.config)
+        self._pose_graph = PoseGraph(self.config.closing.kernel_scale)
+        self._closer = LoopCloser(self._keyframes, self._pose_graph, self.config)
+        self._scans: list[LaserScan] = []
+        self._tracked: list[TrackedScan] = []
+        self._T_odom_robot: list[Array] = []
+        self._refined: FactorGraph | None = None
+
+    # --- measurements in --------------------------------------------------------------------------------------------
+
+    def add(self, measurement: LaserScan | Odometry) -> None:
+        """Take a measurement of either kind."""
+        if isinstance(measurement, Odometry):
+            self.add_odometry(measurement)
+        else:
+            self.add_scan(measurement)
+
+    def add_odometry(self, odometry: Odometry) -> None:
+        """Take an odometry reading; readings come in the order of time."""
+        self._odometry.add(odometry)
+
+    def add_scan(self, scan: LaserScan) -> SE2:
+        """Take a scan; returns the pose of the robot at it, ``T_world_robot``.
+
+        Raises:
+            InputError: the scan is not later than the last one, or no odometry has come though it is expected.
+        """
+        if self._scans and scan.timestamp <= self._scans[-1].timestamp:
+            raise InputError(
+                f"the scan at {scan.timestamp:.6f} s is not later than the last one, at "
+                f"{self._scans[-1].timestamp:.6f} s: sort scans by time"
+            )
+        T_odom_robot = self._odometry.at(scan.timestamp) if self._use_odometry else None
+        if T_odom_robot is None and self._use_odometry:
+            raise InputError(
+                f"no odometry before the scan at {scan.timestamp:.6f} s: add odometry first, or use scans alone "
+                "(Slam(use_odometry=False), clew run --no-odometry)"
+            )
+        tracked = self._tracker.track(scan, T_odom_robot)
+        self._scans.append(scan)
+        self._tracked.append(tracked)
+        self._T_odom_robot.append(np.zeros(3) if T_odom_robot is None else T_odom_robot)
+        self._refined = None
+        if tracked.is_keyframe:
+            self._pose_graph.add_keyframe(self._keyframes[tracked.keyframe])
+            self._closer.attempt()
+        return self.pose
+
+    def refine(self, progress: Callable[[int, int], None] | None = None) -> None:
+        """Optimise, and refine all keyframes jointly against all scans that they overlap with (`slam.refine`)."""
+        if len(self._keyframes) < 2:
+            return
+        self._pose_graph.optimise()
+        self._refined = refine(self._keyframes, self._pose_graph.poses, self.config, progress)
+        self._pose_graph.set_poses(np.asarray(self._refined.values(SE2).array))
+
+    # --- answers out ------------------------------------------------------------------------------------------------
+
+    @property
+    def scan_count(self) -> int:
+        """Scans taken so far."""
+        return len(self._scans)
+
+    @property
+    def pose(self) -> SE2:
+        """``T_world_robot`` at the last scan."""
+        if not self._tracked:
+            return SE2.identity()
+        last = self._tracked[-1]
+        return SE2.from_array(se2.compose(self._pose_graph.poses[last.keyframe], last.T_keyframe_robot))
+
+    @property
+    def trajectory(self) -> Trajectory:
+        """One pose for every scan."""
+        stamps = np.array([scan.timestamp for scan in self._scans])
+        if not self._tracked:
+            return Trajectory(stamps, np.zeros((0, 3)))
+        keyframes = np.array([t.keyframe for t in self._tracked])
+        relative = np.stack([t.T_keyframe_robot for t in self._tracked])
+        return Trajectory(stamps, se2.compose(self._pose_graph.poses[keyframes], relative))
+
+    @property
+    def odometry(self) -> Trajectory:
+        """What odometry alone says, from the world's origin; without odometry, all zero."""
+        stamps = np.array([scan.timestamp for scan in self._scans])
+        if not self._T_odom_robot:
+            return Trajectory(stamps, np.zeros((0, 3)))
+        poses = np.stack(self._T_odom_robot)
+        return Trajectory(stamps, se2.between(poses[0], poses))
+
+    @property
+    def keyframes(self) -> Trajectory:
+        """Poses of the keyframes; the rows are the keys of the graph."""
+        stamps = np.array([self._keyframes[k].timestamp for k in range(len(self._keyframes))])
+        if not len(stamps):
+            return Trajectory(stamps, np.zeros((0, 3)))
+        return Trajectory(stamps, self._pose_graph.poses)
+
+    @property
+    def graph(self) -> FactorGraph:
+        """The graph of keyframes: odometry and loop edges at the present poses."""
+        return self._pose_graph.graph if self._refined is None else self._refined
+
+    @property
+    def chi2(self) -> float:
+        """Cost of the graph of odometry and closures at its last optimum."""
+        return self._pose_graph.chi2
+
+    @property
+    def closures(self) -> list[Closure]:
+        """Loop closures that are believed."""
+        return self._closer.accepted
+
+    @property
+    def rejected_closures(self) -> list[Closure]:
+        """Candidates that were turned down, each with the reason."""
+        return self._closer.rejected
+
+    def map(self, resolution: float | None = None, progress: Callable[[int, int], None] | None = None) -> OccupancyGrid:
+        """Occupancy grid of all scans at the present trajectory.
+
+        Raises:
+            InputError: there is no scan yet.
+        """
+        if not self._scans:
+            raise InputError("no scan yet: a map needs at least one")
+        return build_occupancy_grid(
+            self._scans,
+            self.trajectory.T_world_robot,
+            resolution=resolution or self.config.map_resolution,
+            progress=progress,
+        )
