@@ -96,7 +96,8 @@ def test_beams_drop_out_as_often_as_the_model_says() -> None:
 def test_odometry_without_errors_is_the_truth() -> None:
     driven = Drive(small_log().timestamps, small_log().T_world_robot)
     log = simulate(office_building(1), driven, LaserModel(), OdometryModel(), 1)
-    np.testing.assert_allclose(se2.compose(log.T_world_robot[0], log.T_odom_robot), log.T_world_robot, atol=1e-9)
+    reckoned = se2.compose(log.T_world_robot[0], log.T_odom_robot)
+    np.testing.assert_allclose(reckoned, log.T_world_robot, atol=1e-9)
 
 
 @pytest.mark.parametrize("model", [OdometryModel.good(), OdometryModel.medium(), OdometryModel.bad()])

@@ -130,7 +130,7 @@ def _path(points: Array, model: DriveModel) -> tuple[Array, Array]:
     speed[[0, -1]] = 0.0
     speed = _accelerate(_accelerate(speed, steps, model)[::-1], steps[::-1], model)[::-1]
     times = np.concatenate([[0.0], np.cumsum(2 * steps / (speed[1:] + speed[:-1]))])
-    # Constant acceleration within each step: a robot that starts does not jump to the mean speed of its first step.
+    # Constant acceleration within each step: a start does not jump to the mean speed of the first step.
     moments = np.append(np.arange(0.0, times[-1], TICK), times[-1])
     step = np.clip(np.searchsorted(times, moments, side="right") - 1, 0, len(steps) - 1)
     since = moments - times[step]
