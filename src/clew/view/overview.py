@@ -1,0 +1,161 @@
+"""A whole run in one picture: map, odometry, trajectory and loop closures."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.collections import LineCollection
+from matplotlib.lines import Line2D
+from numpy.typing import NDArray
+
+from clew.mapping import OccupancyGrid
+from clew.view.ellipses import ellipse_collection, ellipse_outlines
+from clew.view.raster import fitted
+from clew.view.style import (
+    CLOSURE,
+    LINE_HEIGHT,
+    MARGIN,
+    MUTED,
+    ODOMETRY,
+    PAPER,
+    REJECTED,
+    TRAJECTORY,
+    UNCERTAINTY,
+    UNKNOWN,
+    Sheet,
+)
+
+Array = NDArray[np.float64]
+Pairs = NDArray[np.int64]
+
+_LONGEST = 2000  # pixels of the map's longer side
+_NARROWEST = 1000  # pixels of the picture, so that heading and legend have room
+_HEAD = 120  # strip for the heading, pixels
+_COLUMN = 430  # of the legend, pixels
+_BAR = 320  # room for the scale bar, pixels
+_DASHES = (4.0, 2.5)
+_DOTS = (1.5, 2.0)
+
+# The end fits into the start, for a run often ends where it began.
+_START: dict[str, Any] = {"marker": "o", "markersize": 10, "markeredgewidth": 2.2,
+                          "markerfacecolor": PAPER, "markeredgecolor": TRAJECTORY}
+_END: dict[str, Any] = {"marker": "s", "markersize": 6, "markeredgewidth": 0.0,
+                        "markerfacecolor": TRAJECTORY}
+
+
+def save_overview_png(
+    path: str | Path,
+    *,
+    grid: OccupancyGrid,
+    odometry_xy: Array,
+    trajectory_xy: Array,
+    keyframes: Array,
+    closures_accepted: Pairs,
+    closures_rejected: Pairs | None = None,
+    covariances: Array | None = None,
+    title: str = "",
+    subtitle: str = "",
+) -> None:
+    """Write the picture of a run: the paths over the map, with what holds them together.
+
+    The picture shows the map's extent; odometry that drifts out of it is cut off at the border, and the
+    legend says so.
+
+    Args:
+        path: the PNG file to write.
+        grid: the map.
+        odometry_xy: ``(N, 2)`` path of the odometry alone, moved so that its first pose is the trajectory's.
+        trajectory_xy: ``(M, 2)`` optimised path, in the world frame.
+        keyframes: ``(K, 3)`` optimised poses ``T_world_robot`` of the keyframes.
+        closures_accepted: ``(C, 2)`` keyframes tied together by loop closures, as indices into `keyframes`.
+        closures_rejected: ``(R, 2)`` likewise, of closures that were taken out again.
+        covariances: ``(K, 2, 2)`` covariance of the keyframes' positions, each in the frame of its pose
+            (docs/conventions.md); drawn as ellipses that hold 95 %.
+        title: heading, one line.
+        subtitle: the run's numbers, one line below the heading.
+
+    Raises:
+        InputError: the file cannot be written.
+    """
+    pixels, metres_per_pixel = fitted(grid, _LONGEST)
+    height, width = pixels.shape[:2]
+    sheet_width = max(width, _NARROWEST)
+    left = (sheet_width - width) // 2
+    x_min, y_min = grid.origin - (left * metres_per_pixel, 0.0)
+    box = (x_min, x_min + sheet_width * metres_per_pixel, y_min, y_min + height * metres_per_pixel)
+    handles = _legend(box, odometry_xy, closures_accepted, closures_rejected, covariances)
+    columns = max(1, (sheet_width - 2 * MARGIN - _BAR) // _COLUMN)
+    foot = 2 * MARGIN + LINE_HEIGHT * -(-len(handles) // columns)
+
+    sheet = Sheet(sheet_width, foot + height + _HEAD)
+    sheet.fill(0, foot, sheet_width, height, UNKNOWN)
+    sheet.image(pixels, left, foot)
+    axes = sheet.axes(0, foot, sheet_width, height)
+    axes.set(xlim=box[:2], ylim=box[2:])
+    _draw_paths(axes, odometry_xy, trajectory_xy)
+    _draw_closures(axes, keyframes, closures_accepted, closures_rejected)
+    if covariances is not None:
+        outlines = ellipse_outlines(keyframes[:, :2], covariances, keyframes[:, 2])
+        axes.add_collection(ellipse_collection(outlines, UNCERTAINTY), autolim=False)
+    _draw_ends(axes, trajectory_xy)
+
+    top = sheet.height
+    sheet.text(MARGIN, top - 58, title, 17, bold=True)
+    sheet.text(MARGIN, top - 96, subtitle, 10, color=MUTED)
+    sheet.legend(handles, MARGIN, foot - MARGIN, columns)
+    sheet.scale_bar(sheet.width - MARGIN, foot - MARGIN - LINE_HEIGHT + 6, 1.0 / metres_per_pixel, _BAR)
+    sheet.save(Path(path))
+
+
+def _draw_paths(axes: Axes, odometry_xy: Array, trajectory_xy: Array) -> None:
+    axes.plot(*odometry_xy.T, color=ODOMETRY, linewidth=1.0, dashes=_DASHES, zorder=2)
+    axes.plot(*trajectory_xy.T, color=TRAJECTORY, linewidth=1.3, solid_joinstyle="round", zorder=3)
+
+
+def _draw_closures(axes: Axes, keyframes: Array, accepted: Pairs, rejected: Pairs | None) -> None:
+    """Closures as lines; dots at their ends, for on an optimised path the two ends often coincide."""
+    positions = keyframes[:, :2]
+    if rejected is not None and len(rejected):
+        axes.add_collection(LineCollection(
+            list(positions[rejected]), colors=REJECTED, linewidths=0.6, alpha=0.5,
+            linestyles=[(0.0, _DOTS)], zorder=4), autolim=False)
+    if len(accepted):
+        ends = positions[np.unique(accepted)]
+        axes.add_collection(LineCollection(
+            list(positions[accepted]), colors=CLOSURE, linewidths=0.9, alpha=0.85, zorder=5), autolim=False)
+        axes.plot(*ends.T, linestyle="none", marker="o", markersize=2.2, markerfacecolor=CLOSURE,
+                  markeredgewidth=0.0, zorder=6)
+
+
+def _draw_ends(axes: Axes, trajectory_xy: Array) -> None:
+    if len(trajectory_xy):
+        for position, style in ((trajectory_xy[0], _START), (trajectory_xy[-1], _END)):
+            axes.plot(*position, linestyle="none", zorder=8, clip_on=False, **style)
+
+
+def _legend(
+    box: tuple[float, float, float, float], odometry_xy: Array, accepted: Pairs, rejected: Pairs | None,
+    covariances: Array | None,
+) -> list[Line2D]:
+    x, y = odometry_xy.T
+    x_min, x_max, y_min, y_max = box
+    leaves = bool(((x < x_min) | (x > x_max) | (y < y_min) | (y > y_max)).any())
+    handles = [
+        Line2D([], [], color=TRAJECTORY, linewidth=1.8, label="optimised trajectory"),
+        Line2D([], [], color=ODOMETRY, linewidth=1.2, dashes=_DASHES,
+               label="odometry alone" + (" (leaves the picture)" if leaves else "")),
+    ]
+    if len(accepted):
+        handles.append(Line2D([], [], color=CLOSURE, linewidth=1.2, marker="o", markersize=4,
+                              markeredgewidth=0.0, label=f"{len(accepted):,} loop closures"))
+    if rejected is not None and len(rejected):
+        handles.append(Line2D([], [], color=REJECTED, linewidth=1.0, alpha=0.7, dashes=_DOTS,
+                              label=f"{len(rejected):,} closures rejected"))
+    if covariances is not None:
+        handles.append(Line2D([], [], color=UNCERTAINTY, linewidth=1.0, label="95 % ellipses of position"))
+    handles.append(Line2D([], [], linestyle="none", label="start", **_START))
+    handles.append(Line2D([], [], linestyle="none", label="end", **_END))
+    return handles
