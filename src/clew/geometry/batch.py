@@ -39,6 +39,7 @@ class Batch:
 
     name: ClassVar[str]
     dim: ClassVar[int]
+    rotation_dim: ClassVar[int]
     storage: ClassVar[int]
     space: ClassVar[int]
     functions: ClassVar[ManifoldFunctions]
