@@ -28,17 +28,19 @@ def diagnose(posterior: Posterior, gauge: Gauge, status: Status, search: Search)
         status: how the iteration ended.
         search: with its last factor.
     """
-    sentences = _first([str(part) for part in gauge.parts], "parts of the graph")
+    sentences = _first([str(part) for part in gauge.parts if part.held], "parts of the graph")
+    open_parts = [part for part in gauge.parts if not part.held]
     problem = posterior.problem
     if not problem.pattern.dim or status is Status.NOT_FINITE:
         return status, tuple(sentences)
-    singular = status is Status.UNDERCONSTRAINED or any(not part.held for part in gauge.parts)
+    singular = status is Status.UNDERCONSTRAINED or bool(open_parts)
     if not singular and not suspicious(problem, posterior.system, search.factor, search.damping):
         return status, tuple(sentences)
     flat = flat_directions(problem, posterior.system)
     if flat.shape[1]:
         status = Status.UNDERCONSTRAINED
-        if all(part.held for part in gauge.parts):
+        sentences += _first([str(part) for part in open_parts], "parts of the graph")
+        if flat.shape[1] > sum(len(part.directions) for part in open_parts):
             sentences += _name(problem, flat)
     elif status is Status.UNDERCONSTRAINED:
         sentences.append("The Hessian is not positive definite although no direction is free: some information "

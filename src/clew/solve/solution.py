@@ -31,7 +31,7 @@ class Solution:
         iterations: steps tried.
         init: initial guess that was used ("file", "tree" or "rotation").
         seconds: time by stage: compile, initialise, linearise, factorise, total.
-        free_parts: connected parts of the graph that nothing ties to the world, and what was held for it.
+        free_parts: connected parts of the graph that, at the initial values, nothing ties to the world, and what was held.
         diagnosis: sentences about what the measurements leave open, gauge included; empty if all is well.
         posterior: the Gaussian around the minimum.
     """
