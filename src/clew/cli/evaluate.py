@@ -91,14 +91,13 @@ def _print_json(report: dict[str, object]) -> None:
 def _print_table(trajectory: Path,
                  rows: list[tuple[str, int, int | None, ErrorStatistics, ErrorStatistics]]) -> None:
     import numpy as np
-    from rich import box
     from rich.console import Console
     from rich.table import Table
 
-    table = Table(box=box.SIMPLE_HEAD, padding=(0, 1), pad_edge=False)
+    table = Table(box=None, padding=(0, 2, 0, 0), pad_edge=False)
     table.add_column("error", no_wrap=True)
     for name in ("unit", "mean", "std", "rmse", "median", "max", "used", "unused"):
-        table.add_column(name, justify="right")
+        table.add_column(name, justify="right", no_wrap=True)
     for name, used, unused, translation, rotation in rows:
         for label, unit, scale, digits, errors in ((name, "m", 1.0, 4, translation),
                                                    ("", "deg", 180 / np.pi, 3, rotation)):
@@ -107,4 +106,4 @@ def _print_table(trajectory: Path,
             table.add_row(label, unit, *(f"{value * scale:.{digits}f}" for value in values), *counts)
     console = Console()
     console.print(str(trajectory), soft_wrap=True, markup=False, highlight=False)
-    console.print(table)
+    console.print(table, width=max(console.width, 100), crop=False)
