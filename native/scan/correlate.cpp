@@ -63,7 +63,7 @@ private:
         const double dx = interval_distance(x, size) * pyramid_.resolution / o_.prior_x;
         const double dy = interval_distance(y, size) * pyramid_.resolution / o_.prior_y;
         const double dt = k * o_.step_theta / o_.prior_theta;
-        return 0.5 * o_.prior_weight * (dx * dx + dy * dy + dt * dt);
+        return o_.prior_weight * std::log1p(0.5 * (dx * dx + dy * dy + dt * dt));
     }
 
     Node evaluate(std::int32_t k, std::int32_t x, std::int32_t y, std::int32_t level) {

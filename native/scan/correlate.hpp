@@ -22,7 +22,7 @@ struct SearchOptions {
     double half_x, half_y;     // metres
     double half_theta;         // radians
     double step_theta;         // radians
-    double prior_x, prior_y, prior_theta;  // penalty 0.5 * (offset / prior)^2 * prior_weight; infinite: none
+    double prior_x, prior_y, prior_theta;  // penalty prior_weight * log(1 + 0.5 * (offset / prior)^2); infinite: none
     double prior_weight;
     double minimum_score;      // hypotheses below are of no interest
     bool exclude;              // leave out a neighbourhood (to ask for the second-best peak)

@@ -63,7 +63,7 @@ class OccupancyGridBuilder:
             rays.offsets, rays.endpoints, rays.hit, 0.5 * self.resolution, self._stamp)
 
     def grid(self, padding: float = 1.0) -> OccupancyGrid:
-        """The map so far, cropped to what was observed with `padding` metres of unknown around."""
+        """The map so far: `OccupancyGrid.cropped` to what was observed, with `padding` metres around."""
         hits, misses = self._cells[..., 0], self._cells[..., 1]
         log_odds = hits * np.float32(LOG_ODDS_HIT)
         log_odds += misses * np.float32(LOG_ODDS_MISS)
@@ -83,8 +83,9 @@ class OccupancyGridBuilder:
             high = np.maximum(high, self._corner + shape)
             if (low == self._corner).all() and (high == self._corner + shape).all():
                 return
-        if np.prod(high - low) > _MAX_CELLS:
-            width, height = (high - low)[::-1] * self.resolution
+        rows, cols = high - low
+        if rows > _MAX_CELLS / cols:
+            width, height = cols * self.resolution, rows * self.resolution
             raise InputError(f"a map of {width:.0f} m x {height:.0f} m with cells of {self.resolution} m "
                              "does not fit into memory: check the poses, or take larger cells")
         slack = np.ceil(_SLACK * (high - low))
@@ -114,7 +115,7 @@ def build_occupancy_grid(
         resolution: side of a cell, metres.
         max_range: longest ray, metres (see `rays_from_scans`).
         free_range: longest free ray of a beam without return, metres.
-        padding: unknown border around the map, metres.
+        padding: border around the map, metres.
         progress: called with the number of scans done and of all scans.
 
     Raises:

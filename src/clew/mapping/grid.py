@@ -12,6 +12,10 @@ from clew.errors import InputError
 
 Array = NDArray[np.float64]
 
+#: Narrower than anything that a robot drives through, metres.
+STRAY_WIDTH = 0.25
+KEPT_SHARE = 0.95
+
 
 class CellState(IntEnum):
     """State of a cell in `OccupancyGrid.states`."""
@@ -85,15 +89,33 @@ class OccupancyGrid:
         return self.origin + (np.asarray(cells)[..., ::-1] + 0.5) * self.resolution
 
     def cropped(self, padding: float = 0.0) -> OccupancyGrid:
-        """The part that holds all observed cells, with `padding` metres of unknown around.
+        """The part that holds what was observed, and `padding` metres around.
 
-        A grid in which nothing was observed is returned as it is.
+        Stray rays do not stretch the map: rows and columns at the rim in which less than `STRAY_WIDTH` was
+        observed are left out, as long as 95 % of all observed cells stay. A grid that observed nothing is
+        returned as it is.
         """
         observed = self.observed
-        rows, cols = np.flatnonzero(observed.any(axis=1)), np.flatnonzero(observed.any(axis=0))
-        if rows.size == 0:
+        if not observed.any():
             return self
+        box = _box(observed, STRAY_WIDTH / self.resolution)
+        if observed[box].sum() < KEPT_SHARE * observed.sum():
+            box = _box(observed, 0.0)
         border = round(padding / self.resolution)
-        content = self.log_odds[rows[0]:rows[-1] + 1, cols[0]:cols[-1] + 1]
-        corner = np.array([cols[0] - border, rows[0] - border])
-        return OccupancyGrid(np.pad(content, border), self.resolution, self.origin + corner * self.resolution)
+        corner = np.array([span.start - border for span in box])
+        end = np.array([span.stop + border for span in box])
+        log_odds = np.zeros(end - corner, dtype=np.float32)
+        low, high = np.maximum(corner, 0), np.minimum(end, self.shape)
+        inside = tuple(slice(*span) for span in zip(low - corner, high - corner, strict=True))
+        log_odds[inside] = self.log_odds[low[0]:high[0], low[1]:high[1]]
+        return OccupancyGrid(log_odds, self.resolution, self.origin + corner[::-1] * self.resolution)
+
+
+def _box(observed: NDArray[np.bool_], fewest: float) -> tuple[slice, slice]:
+    """From the first to the last row and column with at least `fewest` observed cells, and at least one."""
+    spans = []
+    for axis in (1, 0):
+        counts = observed.sum(axis=axis)
+        kept = np.flatnonzero(counts >= min(max(fewest, 1.0), counts.max()))
+        spans.append(slice(int(kept[0]), int(kept[-1]) + 1))
+    return spans[0], spans[1]

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from clew.errors import InputError
-from clew.geometry import SE2
+from clew.geometry import se2
 from clew.scan import LaserScan
 
 Array = NDArray[np.float64]
@@ -91,6 +91,8 @@ def rays_from_scans(
     poses = np.asarray(T_world_robot, dtype=np.float64)
     if poses.shape != (len(scans), 3):
         raise InputError(f"{len(scans)} scans need poses of shape ({len(scans)}, 3), not {poses.shape}")
+    if not np.isfinite(poses).all():
+        raise InputError("poses must be finite")
     if max_range is not None and not max_range > 0.0:
         raise InputError(f"max_range must be positive, not {max_range}")
     if not free_range >= 0.0:
@@ -101,7 +103,7 @@ def rays_from_scans(
         return RayBatch(np.zeros((0, 3)), np.zeros(1, np.int64), np.zeros((0, 2)), np.zeros(0, np.bool_))
     counts, endpoints, hit = (np.concatenate(parts) for parts in zip(*groups, strict=True))
     T_robot_sensor = np.stack([scan.T_robot_sensor for scan in scans])
-    T_world_sensor = (SE2.from_array(poses) @ SE2.from_array(T_robot_sensor)).array
+    T_world_sensor = se2.compose(poses, T_robot_sensor)
     return RayBatch(T_world_sensor, np.concatenate([[0], np.cumsum(counts)]), endpoints, hit)
 
 

@@ -77,7 +77,8 @@ def correlate(
         centre: ``(3,)`` pose in the middle of the window.
         half_window: ``(3,)`` metres, metres, radians on each side.
         step_theta: radians between angles; by default the far points move by one cell.
-        prior_sigmas: ``(3,)`` deviations of a Gaussian about `centre`, weighted by `prior_weight`.
+        prior_sigmas: ``(3,)`` scales ``s`` of a Cauchy prior about `centre`: an offset ``d`` costs
+            ``prior_weight * log(1 + |d / s|^2 / 2)``. Its heavy tails let a good match overrule slipping wheels.
         minimum_score: poses below are of no interest; the higher, the faster the search.
         exclude: pose, distance and angle of a neighbourhood to leave out (to ask for the second-best peak).
     """

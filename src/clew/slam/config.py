@@ -24,8 +24,9 @@ class TrackingOptions:
         window_floor: and its least half size, metres, metres, radians.
         prior_weight: weight of the prediction against the mean likelihood in the search.
         voxel: side of a surfel of the local map, metres.
-        information_scale: returns of one scan share errors (calibration, the surface's own roughness), so that
-            they count less than independent ones.
+        return_weight: what a return counts against the prediction in the match,
+        information_scale: and in the covariance of the result, which is for the graph. Returns of one scan share
+            errors (calibration, the surface's own roughness), so that they count less than independent ones.
         overlap: a match that explains less of the scan is not believed; odometry carries on.
         velocity_sigmas: deviation of a prediction by constant velocity, where there is no odometry,
             metres and radians a second.
@@ -39,10 +40,11 @@ class TrackingOptions:
     map_keyframes: int = 20
     resolution: float = 0.05
     sigma: float = 0.06
-    window_sigmas: float = 3.0
-    window_floor: tuple[float, float, float] = (0.1, 0.1, 0.03)
+    window_sigmas: float = 5.0
+    window_floor: tuple[float, float, float] = (0.3, 0.3, 0.2)
     prior_weight: float = 0.02
     voxel: float = 0.05
+    return_weight: float = 0.3
     information_scale: float = 0.05
     overlap: float = 0.3
     velocity_sigmas: tuple[float, float] = (0.6, 0.8)

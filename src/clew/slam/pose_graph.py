@@ -70,7 +70,7 @@ class PoseGraph:
         """Move the keyframes to where all edges agree best."""
         if len(self) < 2:
             return
-        self._solution = optimize(self.graph, init="current")
+        self._solution = optimize(self.graph, init="file")
         self._solved = len(self)
         self.graph.set_values(np.arange(len(self)), self._solution.values(SE2))
         self.chi2 = float(self._solution.chi2)

@@ -79,7 +79,7 @@ def refine(
         if added is not None:
             graph.remove(added)
         added = None if factor is None else np.atleast_1d(np.asarray(graph.add(factor)))
-        solution = optimize(graph, init="current")
+        solution = optimize(graph, init="file")
         moved_to = np.asarray(solution.values(SE2).array)
         movement = float(np.max(np.hypot(*(moved_to - poses)[:, :2].T)))
         poses = moved_to

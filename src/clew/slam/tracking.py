@@ -30,6 +30,7 @@ PYRAMID_LEVELS = 5
 THINNING = 0.1  # metres; the correlative search needs the shape of a scan, not each return
 LEAST_POINTS = 10
 TINY = 1e-9
+SLIP_FREEDOM = 3.0  # degrees of freedom of the distribution of odometry's errors
 
 
 @dataclass(frozen=True)
@@ -124,16 +125,26 @@ class Tracker:
             prior_sigmas=sigmas, prior_weight=options.prior_weight,
         )  # fmt: skip
         start = predicted if coarse is None else coarse.T_target_source
-        prior_information = np.linalg.inv(prior)
+        prior_information = self._slip(predicted, start, prior) * np.linalg.inv(prior)
         fine = align(
             self._map.index, SourceClouds.single(points), np.zeros((1, 2), dtype=np.int32), start[None],
-            T_prior=predicted[None], prior_information=prior_information[None] / options.information_scale,
+            T_prior=predicted[None], prior_information=prior_information[None] / options.return_weight,
             options=self._config.alignment,
         )  # fmt: skip
         if fine.overlap[0] < options.overlap:
             return predicted, prior
         information = options.information_scale * fine.information[0] + prior_information
         return fine.T_target_source[0], np.linalg.inv(information)
+
+    @staticmethod
+    def _slip(predicted: Array, matched: Array, prior: Array) -> float:
+        """Weight of a prediction that the search contradicts: wheels slip, so odometry's errors have heavy tails.
+
+        It is that of a Student's t distribution (Lange, Little, Taylor 1989).
+        """
+        error = se2.between(predicted, matched)
+        squared = float(error @ np.linalg.solve(prior, error))
+        return (SLIP_FREEDOM + 3) / (SLIP_FREEDOM + max(squared, 3.0))
 
     def _starts_keyframe(self, timestamp: float) -> bool:
         options = self._config.tracking
