@@ -1,0 +1,198 @@
+"""`clew run` on laser logs, one configuration for all: accuracy, closures, time and memory as Markdown tables.
+
+    python benchmarks/lidar.py                       # the real logs of ../shared/data/lidar
+    python benchmarks/lidar.py intel --output out    # one of them; everything that the runs wrote is kept in out/
+    python benchmarks/lidar.py --simulated           # worlds with known truth
+    python benchmarks/lidar.py --simulated office loop --seeds 1 2 3
+
+Real logs are measured by relations between reference poses that are close to each other
+(`clew.evaluate.relations_from_reference`): successive ones, and revisits after 10 m of way or more. The reference is
+another program's estimate, good to some two centimetres. Wall time and memory are those of the whole process.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import subprocess
+import sys
+import tempfile
+import time
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from clew.evaluate import (
+    RelationErrors,
+    absolute_trajectory_error,
+    poses_at,
+    relation_errors,
+    relations_from_reference,
+)
+from clew.geometry import se2
+from clew.io import read_tum
+from clew.sim import KINDS, SimulatedLog, simulate_kind, write_carmen
+
+Array = NDArray[np.float64]
+
+DATA = Path(__file__).resolve().parents[2] / "shared" / "data" / "lidar"
+LOGS = ("intel", "fr079", "mit-csail")
+#: A closure is right when its relative pose agrees with the truth within these.
+RIGHT_DISTANCE, RIGHT_ANGLE = 0.3, np.radians(5.0)
+MEGABYTE = 2**20 if sys.platform == "darwin" else 2**10  # in the units of ru_maxrss
+
+
+@dataclass(frozen=True)
+class Run:
+    """What one run of the command left behind.
+
+    Attributes:
+        folder: with all outputs.
+        summary: its summary.json.
+        wall_seconds: of the whole process.
+        peak_memory_mb: largest resident memory of the process.
+    """
+
+    folder: Path
+    summary: dict[str, Any]
+    wall_seconds: float
+    peak_memory_mb: float
+
+    @property
+    def cells(self) -> list[str]:
+        """Closures, wall time, times real time, memory."""
+        summary = self.summary
+        return [f"{summary['keyframes']}", f"{summary['closures_accepted']} / {summary['closures_rejected']}",
+                f"{self.wall_seconds:.1f}", f"{summary['log_seconds'] / self.wall_seconds:.0f}",
+                f"{self.peak_memory_mb:.0f}"]
+
+
+RUN_COLUMNS = ["keyframes", "closures accepted / rejected", "wall s", "× real time", "peak MB"]
+
+
+def run_clew(log: Path, folder: Path) -> Run:
+    """Run `clew run` on a log in a process of its own; ends the benchmark with its message where it fails."""
+    folder.mkdir(parents=True, exist_ok=True)
+    messages = folder / "messages.txt"
+    command = [sys.executable, "-c", "from clew.cli import main; main()", "run", str(log), "-o", str(folder)]
+    with messages.open("wb") as file:
+        began = time.perf_counter()
+        process = subprocess.Popen(command, stdout=file, stderr=subprocess.STDOUT)
+        _, status, usage = os.wait4(process.pid, 0)  # the usage of this child alone
+        wall = time.perf_counter() - began
+    process.returncode = os.waitstatus_to_exitcode(status)
+    if process.returncode != 0:
+        raise SystemExit(f"clew run {log} failed with {process.returncode}:\n{messages.read_text()[-2000:]}")
+    return Run(folder, json.loads((folder / "summary.json").read_text()), wall, usage.ru_maxrss / MEGABYTE)
+
+
+def closure_precision(folder: Path, log: SimulatedLog) -> tuple[int, int]:
+    """Right closures and all of them: edges of graph.g2o between keyframes that do not follow each other."""
+    keyframe_times, _ = read_tum(folder / "keyframes.tum")
+    lines = [line.split() for line in (folder / "graph.g2o").read_text().splitlines()]
+    ids = {int(v): row for row, v in enumerate(sorted(int(f[1]) for f in lines if f[:1] == ["VERTEX_SE2"]))}
+    if len(ids) != len(keyframe_times):
+        raise SystemExit(f"{folder}: {len(ids)} vertices in graph.g2o, {len(keyframe_times)} poses in keyframes.tum")
+    edges = [(ids[int(f[1])], ids[int(f[2])], *map(float, f[3:6])) for f in lines if f[:1] == ["EDGE_SE2"]]
+    table = np.array(edges, dtype=np.float64).reshape(-1, 5)
+    first, second = table[:, 0].astype(np.int64), table[:, 1].astype(np.int64)
+    loops = np.abs(first - second) > 1
+    truth, known = poses_at(log.timestamps, log.T_world_robot, keyframe_times, 1e-3)
+    if not known.all():
+        raise SystemExit(f"{folder}/keyframes.tum: {int((~known).sum())} keyframes at times without a scan")
+    true_edges = se2.between(truth[first[loops]], truth[second[loops]])
+    error = se2.between(true_edges, table[loops, 2:])
+    right = (np.hypot(error[:, 0], error[:, 1]) <= RIGHT_DISTANCE) & (np.abs(error[:, 2]) <= RIGHT_ANGLE)
+    return int(right.sum()), int(loops.sum())
+
+
+def print_table(columns: list[str], rows: list[list[str]]) -> None:
+    """Print a Markdown table."""
+    print("| " + " | ".join(columns) + " |")
+    print("| --- |" + " ---: |" * (len(columns) - 1))
+    for row in rows:
+        print("| " + " | ".join(row) + " |", flush=True)
+
+
+def translation_cell(errors: RelationErrors) -> str:
+    return f"{errors.translation.mean:.4f} ± {errors.translation.std:.4f}"
+
+
+def rotation_cell(errors: RelationErrors) -> str:
+    return f"{np.degrees(errors.rotation.mean):.3f} ± {np.degrees(errors.rotation.std):.3f}"
+
+
+def real_logs(names: list[str], data: Path, output: Path) -> None:
+    """Print the table of the real logs."""
+    rows = []
+    for name in names:
+        reference = data / f"{name}.reference.tum"
+        log = data / f"{name}.clf.bz2"
+        for path in (reference, log):
+            if not path.is_file():
+                raise SystemExit(f"{path} is missing: give the folder of the logs with --data")
+        run = run_clew(log, output / name)
+        trajectory = read_tum(run.folder / "trajectory.tum")
+        relations = relations_from_reference(*read_tum(reference))
+        kinds = {"all": relations, "near": relations.select(~relations.revisit),
+                 "revisits": relations.select(relations.revisit)}
+        errors = {kind: relation_errors(*trajectory, chosen) for kind, chosen in kinds.items()}
+        unused = errors["all"].unused
+        rows.append([name, f"{errors['near'].used} + {errors['revisits'].used}" + f" ({unused} unused)" * bool(unused),
+                     *(cell(errors[kind]) for kind in kinds for cell in (translation_cell, rotation_cell)),
+                     *run.cells])
+    print_table(["log", "relations near + revisits", "all: m", "all: deg", "near: m", "near: deg", "revisits: m",
+                 "revisits: deg", *RUN_COLUMNS], rows)
+
+
+def simulated_logs(kinds: list[str], seeds: list[int], duration: float, people: int, output: Path) -> None:
+    """Print the table of simulated worlds."""
+    rows = []
+    for kind in kinds:
+        for seed in seeds:
+            folder = output / f"{kind}-{seed}"
+            folder.mkdir(parents=True, exist_ok=True)
+            log = simulate_kind(kind, seed, duration=duration, people=people)
+            write_carmen(log, folder / "simulated.log")
+            run = run_clew(folder / "simulated.log", folder)
+            truth = (log.timestamps, log.T_world_robot)
+            error = absolute_trajectory_error(*truth, *read_tum(folder / "trajectory.tum"))
+            reckoned = absolute_trajectory_error(*truth, log.timestamps, log.T_odom_robot)
+            right, closures = closure_precision(folder, log)
+            rows.append([f"{kind} {seed}", f"{error.used}" + f" ({error.unused} unused)" * bool(error.unused),
+                         f"{reckoned.translation.rmse:.2f}", f"{error.translation.rmse:.4f}",
+                         f"{error.translation.max:.3f}", f"{np.degrees(error.rotation.rmse):.3f}",
+                         f"{right} / {closures}", *run.cells])
+    print_table(["world", "poses", "odometry: ATE m", "ATE m", "ATE max m", "ATE deg", "right closures", *RUN_COLUMNS],
+                rows)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("names", nargs="*", help=f"real logs ({', '.join(LOGS)}), all by default; "
+                        f"with --simulated kinds of worlds ({', '.join(KINDS)})")
+    parser.add_argument("--data", type=Path, default=DATA, help="folder of the real logs and their references")
+    parser.add_argument("--output", type=Path, help="keep what the runs write in this folder")
+    parser.add_argument("--simulated", action="store_true", help="simulated worlds instead of real logs")
+    parser.add_argument("--seeds", type=int, nargs="+", default=[1, 2], help="of the simulated worlds")
+    parser.add_argument("--duration", type=float, default=400.0, help="of the simulated drives, seconds")
+    parser.add_argument("--people", type=int, default=0, help="who walk through the simulated worlds")
+    options = parser.parse_args()
+    available = KINDS if options.simulated else LOGS
+    names = options.names or list(available)
+    if unknown := sorted(set(names) - set(available)):
+        parser.error(f"unknown: {', '.join(unknown)}; there are {', '.join(available)}")
+    with tempfile.TemporaryDirectory() as temporary:
+        output = options.output or Path(temporary)
+        if options.simulated:
+            simulated_logs(names, options.seeds, options.duration, options.people, output)
+        else:
+            real_logs(names, options.data, output)
+
+
+if __name__ == "__main__":
+    main()

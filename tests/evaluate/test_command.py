@@ -1,0 +1,77 @@
+"""``clew evaluate`` on files with known errors."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+import typer
+from typer.testing import CliRunner
+
+from clew.cli.evaluate import evaluate
+from clew.errors import InputError
+from clew.io import write_tum
+
+
+@pytest.fixture
+def app() -> typer.Typer:
+    app = typer.Typer(rich_markup_mode="rich")
+    app.command()(evaluate)
+    return app
+
+
+@pytest.fixture
+def files(tmp_path: Path) -> Path:
+    """A straight drive of 40 m, its estimate that is 1 % too long, and a relation that says so."""
+    times = np.arange(81.0)
+    true = np.column_stack([0.5 * times, np.zeros((81, 2))])
+    write_tum(tmp_path / "truth.tum", times, true)
+    write_tum(tmp_path / "estimate.tum", times, true * [1.01, 1.0, 1.0])
+    (tmp_path / "relations").write_text("0 20 10 0 0 0 0 0\n0 60 30 0 0 0 0 0\n500 501 1 0 0 0 0 0\n")
+    return tmp_path
+
+
+def run(app: typer.Typer, *arguments: object) -> str:
+    result = CliRunner().invoke(app, [str(a) for a in arguments], catch_exceptions=False)
+    assert result.exit_code == 0, result.output
+    return result.output
+
+
+def test_json_holds_the_known_errors(app: typer.Typer, files: Path) -> None:
+    report = json.loads(run(app, files / "estimate.tum", "--relations", files / "relations", "--truth",
+                            files / "truth.tum", "--json"))
+    assert report["poses"] == 81
+    assert (report["relations"]["used"], report["relations"]["unused"]) == (2, 1)
+    assert report["relations"]["translation_m"]["mean"] == pytest.approx(0.2, abs=1e-6)
+    assert report["relations"]["translation_m"]["std"] == pytest.approx(0.1, abs=1e-6)
+    assert report["absolute"]["translation_m"]["max"] == pytest.approx(0.2, abs=1e-6)
+    assert report["relative"]["delta_m"] == 10.0
+    assert report["relative"]["translation_m"]["mean"] == pytest.approx(0.1, abs=1e-6)
+
+
+def test_table_holds_them_too(app: typer.Typer, files: Path) -> None:
+    output = run(app, files / "estimate.tum", "--relations", files / "relations", "--truth", files / "truth.tum",
+                 "--delta", "20s")
+    for text in ("relations", "0.2000", "absolute", "drift over 20s", "0.1000"):
+        assert text in output
+
+
+def test_help_shows_examples(app: typer.Typer) -> None:
+    assert "clew evaluate out/trajectory.tum --relations" in run(app, "--help")
+
+
+@pytest.mark.parametrize(("options", "message"), [
+    ([], "nothing to compare with"),
+    (["--truth", "truth.tum", "--delta", "far"], "--delta far"),
+    (["--truth", "truth.tum", "--delta", "-1m"], "--delta -1m"),
+    (["--truth", "missing.tum"], "missing.tum"),
+    (["--relations", "truth.tum", "--tolerance", "-1"], "tolerance of -1"),
+])
+def test_bad_requests_are_one_clear_line(app: typer.Typer, files: Path, monkeypatch: pytest.MonkeyPatch,
+                                         options: list[str], message: str) -> None:
+    monkeypatch.chdir(files)
+    with pytest.raises(InputError, match=message) as caught:
+        run(app, "estimate.tum", *options)
+    assert "\n" not in str(caught.value)
