@@ -1,1 +1,21 @@
 """Measurement models: one file a model, with residual, analytic Jacobian and formula."""
+
+from clew.factors.bearing import Bearing
+from clew.factors.between import Between
+from clew.factors.custom import CustomFactor
+from clew.factors.point_observation import PointObservation
+from clew.factors.position import Position
+from clew.factors.prior import Prior
+from clew.factors.range import Range
+from clew.factors.range_bearing import RangeBearing
+
+__all__ = [
+    "Bearing",
+    "Between",
+    "CustomFactor",
+    "PointObservation",
+    "Position",
+    "Prior",
+    "Range",
+    "RangeBearing",
+]

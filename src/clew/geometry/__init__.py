@@ -4,8 +4,10 @@ Two layers: the classes, and below them plain functions on arrays (`SE2.function
 `clew.geometry.se2`) for code that works on whole problems.
 """
 
-from clew.geometry import points, se2, se3, so2, so3
+from clew.geometry import dual_functions, dual_ufuncs, points, se2, se3, so2, so3
 from clew.geometry.angles import wrap
+from clew.geometry.differentiate import forward_jacobians
+from clew.geometry.dual import Dual, primal
 from clew.geometry.groups import SE2, SE3, SO2, SO3, Point2, Point3
 from clew.geometry.jacobians import (
     act_jacobians,
@@ -21,6 +23,7 @@ __all__ = [
     "SE3",
     "SO2",
     "SO3",
+    "Dual",
     "Manifold",
     "ManifoldFunctions",
     "Point2",
@@ -28,9 +31,13 @@ __all__ = [
     "act_jacobians",
     "between_jacobians",
     "compose_jacobians",
+    "dual_functions",
+    "dual_ufuncs",
+    "forward_jacobians",
     "inverse_jacobian",
     "local_jacobians",
     "points",
+    "primal",
     "se2",
     "se3",
     "so2",

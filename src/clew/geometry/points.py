@@ -56,10 +56,9 @@ def adjoint(a: Array) -> Array:
 def matrix(a: Array) -> Array:
     """``(..., n + 1, n + 1)`` homogeneous matrix of the translation."""
     dim = a.shape[-1]
-    result = np.zeros((*a.shape[:-1], dim + 1, dim + 1))
-    result[...] = np.eye(dim + 1)
-    result[..., :dim, dim] = a
-    return result
+    left = np.broadcast_to(np.eye(dim + 1)[:, :dim], (*a.shape[:-1], dim + 1, dim))
+    right = np.concatenate((a, np.ones((*a.shape[:-1], 1))), axis=-1)
+    return np.concatenate((left, right[..., None]), axis=-1)
 
 
 def retract(a: Array, delta: Array) -> Array:

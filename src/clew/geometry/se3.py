@@ -83,11 +83,9 @@ def adjoint(a: Array) -> Array:
 
 def matrix(a: Array) -> Array:
     """``(..., 4, 4)`` homogeneous matrix."""
-    result = np.zeros((*a.shape[:-1], 4, 4))
-    result[..., :3, :3] = so3.matrix(a[..., 3:])
-    result[..., :3, 3] = a[..., :3]
-    result[..., 3, 3] = 1.0
-    return result
+    top = np.concatenate((so3.matrix(a[..., 3:]), a[..., :3, None]), axis=-1)
+    bottom = np.broadcast_to(np.array([[0.0, 0.0, 0.0, 1.0]]), (*a.shape[:-1], 1, 4))
+    return np.concatenate((top, bottom), axis=-2)
 
 
 def retract(a: Array, delta: Array) -> Array:
