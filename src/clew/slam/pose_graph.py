@@ -18,6 +18,16 @@ Array = NDArray[np.float64]
 FACTORISE_AFTER = 10  # keyframes; until then uncertainty is carried on along the odometry edges
 
 
+def chi2(graph: FactorGraph) -> float:
+    """Cost ``sum e^T Omega e`` of a graph at its values, without robust kernels."""
+    total = 0.0
+    for block in graph.blocks():
+        values = [graph.values(keys).array for keys in block.keys.T]
+        e = block.residual(*values, measurement=block.measurement)
+        total += float(np.einsum("mi,mij,mj->", e, block.information, e))
+    return total
+
+
 class PoseGraph:
     """Keyframes tied by odometry and closures; keys are the indices of the keyframes.
 
@@ -26,7 +36,6 @@ class PoseGraph:
 
     def __init__(self, kernel_scale: float) -> None:
         self.graph = FactorGraph()
-        self.chi2 = 0.0
         self._kernel = DCS(kernel_scale)
         self._solution: Solution | None = None
         self._solved = 0  # keyframes that the last solution knows
@@ -73,7 +82,6 @@ class PoseGraph:
         self._solution = optimize(self.graph, init="file")
         self._solved = len(self)
         self.graph.set_values(np.arange(len(self)), self._solution.values(SE2))
-        self.chi2 = float(self._solution.chi2)
 
     def set_poses(self, poses: Array) -> None:
         """Put the keyframes to poses ``(K, 3)`` found elsewhere."""

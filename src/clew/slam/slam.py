@@ -18,7 +18,7 @@ from clew.scan import LaserScan
 from clew.slam.config import SlamConfig
 from clew.slam.keyframes import KeyframeStore
 from clew.slam.loop_closing import LoopCloser
-from clew.slam.pose_graph import PoseGraph
+from clew.slam.pose_graph import PoseGraph, chi2
 from clew.slam.refine import refine
 from clew.slam.tracking import TrackedScan, Tracker
 
@@ -121,6 +121,16 @@ class Slam:
     # --- answers out ------------------------------------------------------------------------------------------------
 
     @property
+    def has_odometry(self) -> bool:
+        """Whether a scan can be placed: odometry has come, or is not expected."""
+        return not self._use_odometry or len(self._odometry) > 0
+
+    @property
+    def time_span(self) -> tuple[float, float]:
+        """Timestamps of the first and the last scan; zeros before any."""
+        return (self._scans[0].timestamp, self._scans[-1].timestamp) if self._scans else (0.0, 0.0)
+
+    @property
     def scan_count(self) -> int:
         """Scans taken so far."""
         return len(self._scans)
@@ -167,8 +177,8 @@ class Slam:
 
     @property
     def chi2(self) -> float:
-        """Cost of the graph of odometry and closures at its last optimum."""
-        return self._pose_graph.chi2
+        """Cost ``sum e^T Omega e`` of `graph` at the present poses, without robust kernels."""
+        return chi2(self.graph)
 
     @property
     def closures(self) -> list[Closure]:

@@ -1,0 +1,66 @@
+"""Entry point: the commands, and what becomes of errors."""
+
+from __future__ import annotations
+
+import logging
+import os
+import sys
+from typing import Annotated
+
+import typer
+
+from clew._version import __version__
+from clew.cli.demo import demo
+from clew.cli.evaluate import evaluate
+from clew.cli.optimize import optimize
+from clew.cli.run import run
+from clew.errors import ClewError
+
+BAD_INPUT = 2
+INTERRUPTED = 130
+
+app = typer.Typer(
+    name="clew",
+    help="Graph SLAM: a robot's log in, an optimised trajectory and a map out.",
+    epilog="Begin with:  clew demo -o demo   then:  clew run LOG -o OUT",
+    no_args_is_help=True,
+    add_completion=False,
+    rich_markup_mode="markdown",
+    pretty_exceptions_enable=False,
+)
+app.command()(run)
+app.command()(demo)
+app.command()(optimize)
+app.command()(evaluate)
+
+
+def _version(wanted: bool) -> None:
+    if wanted:
+        typer.echo(f"clew {__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def _options(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_version, is_eager=True, help="Print the version.")
+    ] = False,
+) -> None:
+    """Graph SLAM: a robot's log in, an optimised trajectory and a map out."""
+
+
+def main() -> None:
+    """Run the command; bad input ends with one line on standard error and exit code 2."""
+    logging.basicConfig(format="clew: %(message)s", level=logging.WARNING)
+    try:
+        app()
+    except ClewError as error:
+        sys.stderr.write(f"clew: {error}\n")
+        sys.exit(BAD_INPUT)
+    except KeyboardInterrupt:
+        sys.stderr.write("clew: interrupted\n")
+        sys.exit(INTERRUPTED)
+    except BrokenPipeError:
+        # Whoever read our output has left (`clew ... | head`): nothing to say to nobody.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        sys.exit(0)

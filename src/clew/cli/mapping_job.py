@@ -1,0 +1,117 @@
+"""The job of `clew run` and `clew demo`: measurements in, files out."""
+
+from __future__ import annotations
+
+import time
+from collections import Counter
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Protocol
+
+from rich.console import Console
+
+from clew.cli.interrupt import Interrupt
+from clew.cli.outputs import write_outputs
+from clew.cli.process import peak_memory_mb
+from clew.cli.progress import job_progress
+from clew.errors import InputError
+from clew.motion import Odometry
+from clew.scan import LaserScan
+from clew.slam import Slam, SlamConfig
+
+
+class Skipped(Protocol):
+    """Counts of the records that a reader left out."""
+
+    @property
+    def skipped(self) -> Counter[str]: ...
+
+
+class Source(Protocol):
+    """A recorded or simulated log."""
+
+    @property
+    def report(self) -> Skipped: ...
+    @property
+    def scan_count(self) -> int: ...
+    @property
+    def duration(self) -> float: ...
+    def measurements(self) -> Iterator[LaserScan | Odometry]: ...
+
+
+@dataclass(frozen=True)
+class JobOptions:
+    """Attributes: what `clew run` was asked for; see its help."""
+
+    out: Path
+    refine: bool = True
+    odometry: bool = True
+    resolution: float = 0.05
+    quiet: bool = False
+
+
+@dataclass(frozen=True)
+class JobResult:
+    """The estimate, what `summary.json` says of it, and whether the log was read to its end."""
+
+    slam: Slam
+    summary: dict[str, object]
+    interrupted: bool
+
+
+def map_log(log: Source, options: JobOptions, console: Console) -> JobResult:
+    """Estimate, refine, map and write everything into the output folder, which exists.
+
+    Raises:
+        InputError: the log holds no usable scan, or a file cannot be written.
+    """
+    begun = time.perf_counter()
+    slam = Slam(SlamConfig(map_resolution=options.resolution), use_odometry=options.odometry)
+    left_out: Counter[str] = Counter()
+    with Interrupt() as interrupt, job_progress(console, log.scan_count, options.quiet) as progress:
+        for measurement in log.measurements():
+            if interrupt.requested:
+                break
+            if isinstance(measurement, Odometry):
+                slam.add_odometry(measurement)
+            elif not slam.has_odometry:
+                left_out["scan before any odometry"] += 1
+            elif slam.scan_count and measurement.timestamp <= slam.time_span[1]:
+                left_out["second scan of one moment"] += 1
+            else:
+                slam.add_scan(measurement)
+                progress.scan(slam)
+        if not slam.scan_count:
+            raise InputError(
+                f"no odometry before any of the {log.scan_count} scans: give a log with odometry, "
+                "or estimate the motion from the scans alone with --no-odometry"
+            )
+        if options.refine and not interrupt.requested:
+            slam.refine(progress.refining)
+        progress.writing()
+        estimated = time.perf_counter() - begun
+        grid = write_outputs(slam, options.out)
+    wall = time.perf_counter() - begun
+    stamps = slam.trajectory.timestamps
+    log_seconds = float(stamps[-1] - stamps[0])
+    summary: dict[str, object] = {
+        "scans": slam.scan_count,
+        "keyframes": len(slam.keyframes),
+        "closures_accepted": len(slam.closures),
+        "closures_rejected": len(slam.rejected_closures),
+        "log_seconds": round(log_seconds, 3),
+        "wall_seconds": round(wall, 3),
+        "estimate_seconds": round(estimated, 3),
+        "realtime_factor": round(log_seconds / wall, 2) if wall > 0 else 0.0,
+        "chi2": slam.chi2,
+        "refined": options.refine and not interrupt.requested,
+        "complete": not interrupt.requested,
+        "map_size_m": [round(side * grid.resolution, 2) for side in grid.shape[::-1]],
+        "skipped": dict(sorted((log.report.skipped + left_out).items())),
+    }
+    return JobResult(slam, {**summary, "peak_memory_mb": _rounded(peak_memory_mb())}, interrupt.requested)
+
+
+def _rounded(value: float | None) -> float | None:
+    return None if value is None else round(value, 1)

@@ -1,0 +1,51 @@
+"""``clew run``: a log in, a map out."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+FILES = "trajectory.tum, keyframes.tum, graph.g2o, closures.csv, map.pgm, map.yaml, map.png, overview.png, summary.json"
+
+
+def run(
+    log: Annotated[Path, typer.Argument(metavar="LOG", show_default=False, help="CARMEN log or ROS bag.")],
+    out: Annotated[Path, typer.Option("-o", "--out", metavar="OUT", show_default=False, help="Output folder.")],
+    refine: Annotated[
+        bool, typer.Option("--refine/--no-refine", help="Refine all scans jointly at the end.")
+    ] = True,
+    odometry: Annotated[
+        bool, typer.Option("--odometry/--no-odometry", help="Use the log's odometry, or scans alone.")
+    ] = True,
+    resolution: Annotated[float, typer.Option(metavar="METRES", help="Side of a cell of the map.")] = 0.05,
+    scan_topic: Annotated[
+        str | None, typer.Option(metavar="TOPIC", show_default=False, help="Topic of the scans of a bag.")
+    ] = None,
+    odometry_topic: Annotated[
+        str | None, typer.Option(metavar="TOPIC", show_default=False, help="Topic of the odometry of a bag.")
+    ] = None,
+    json: Annotated[bool, typer.Option("--json", help="Print the summary as JSON.")] = False,
+    quiet: Annotated[bool, typer.Option("-q", "--quiet", help="Print nothing but errors.")] = False,
+) -> None:
+    """Map a robot's log: laser scans and wheel odometry in, trajectory, graph and map out.
+
+    LOG is a CARMEN log (plain, .gz or .bz2) or a ROS bag (ROS 1 .bag; ROS 2 folder, .db3 or .mcap; needs
+    `pip install 'clew[bags]'`). Nothing needs to be set: what depends on the sensor is read from the log.
+    Ctrl-C stops and writes what has been mapped so far.
+
+    **OUT** receives trajectory.tum (a pose for every scan), graph.g2o, map.pgm and map.yaml (for ROS),
+    map.png, overview.png (look at this first), closures.csv and summary.json.
+
+    **Examples**
+
+    `clew run intel.clf.bz2 -o out`
+
+    `clew run recording.bag -o out --scan-topic /front/scan`
+
+    `clew run robot.log -o out --resolution 0.1 --json`
+    """
+    from clew.cli.job import run_log
+
+    run_log(log, out, refine, odometry, resolution, scan_topic, odometry_topic, json, quiet)
