@@ -38,7 +38,7 @@ def run_log(
             f"{path}: {log.scan_count} scans but no odometry: record it too, "
             "or estimate the motion from the scans alone with --no-odometry"
         )
-    result = map_log(log, JobOptions(out, refine, odometry, resolution, quiet), console)
+    result = map_log(log, JobOptions(out, path.name, refine, odometry, resolution, quiet), console)
     _finish(result, {"log": path.name}, out, log, json, console)
 
 
@@ -56,7 +56,7 @@ def run_demo(out: Path, seed: int, seconds: float, json: bool, quiet: bool) -> N
     console = Console(stderr=True, quiet=quiet)
     with console.status("simulating"):
         log = simulate_demo(seed, duration=seconds)
-    result = map_log(log, JobOptions(out, quiet=quiet), console)
+    result = map_log(log, JobOptions(out, f"clew demo, seed {seed}", quiet=quiet), console)
     stamps = result.slam.trajectory.timestamps
     truth = log.T_world_robot[np.searchsorted(log.timestamps, stamps)]
     write_tum(out / "truth.tum", stamps, truth)

@@ -45,6 +45,7 @@ class JobOptions:
     """Attributes: what `clew run` was asked for; see its help."""
 
     out: Path
+    title: str
     refine: bool = True
     odometry: bool = True
     resolution: float = 0.05
@@ -91,7 +92,7 @@ def map_log(log: Source, options: JobOptions, console: Console) -> JobResult:
             slam.refine(progress.refining)
         progress.writing()
         estimated = time.perf_counter() - begun
-        grid = write_outputs(slam, options.out)
+        grid = write_outputs(slam, options.out, options.title)
     wall = time.perf_counter() - begun
     stamps = slam.trajectory.timestamps
     log_seconds = float(stamps[-1] - stamps[0])

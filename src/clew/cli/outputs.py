@@ -15,8 +15,8 @@ from clew.slam import Slam
 from clew.view import save_map_png, save_overview_png
 
 
-def write_outputs(slam: Slam, out: Path) -> OccupancyGrid:
-    """Trajectory, keyframes, graph, closures, map and pictures; returns the map."""
+def write_outputs(slam: Slam, out: Path, title: str) -> OccupancyGrid:
+    """Trajectory, keyframes, graph, closures, map and pictures (with a title); returns the map."""
     trajectory, keyframes = slam.trajectory, slam.keyframes
     write_tum(out / "trajectory.tum", trajectory.timestamps, trajectory.T_world_robot)
     write_tum(out / "keyframes.tum", keyframes.timestamps, keyframes.T_world_robot)
@@ -34,7 +34,7 @@ def write_outputs(slam: Slam, out: Path) -> OccupancyGrid:
         trajectory_xy=trajectory.T_world_robot[:, :2],
         keyframes=keyframes.T_world_robot,
         closures_accepted=pairs,
-        title="clew",
+        title=title,
         subtitle=f"{len(trajectory):,} scans, {len(keyframes):,} keyframes, {len(pairs):,} closures",
     )
     return grid
