@@ -1,9 +1,11 @@
 #include <nanobind/stl/map.h>
 #include <nanobind/stl/pair.h>
 #include <nanobind/stl/string.h>
+#include <nanobind/stl/tuple.h>
 #include <nanobind/stl/vector.h>
 
 #include "carmen.hpp"
+#include "graph.hpp"
 #include "module.hpp"
 #include "table.hpp"
 
@@ -57,12 +59,68 @@ nb::tuple parse_table(const nb::bytes& text, std::int64_t columns) {
                           to_array(std::move(table.lines)), table.bad_line, table.bad_count);
 }
 
+nb::dict parse_graph(const nb::bytes& text, const std::vector<std::tuple<std::string, int, int, bool>>& kinds) {
+    std::vector<io::GraphRecord> wanted;
+    for (const auto& [tag, ids, numbers, parameter] : kinds) {
+        if (tag.empty() || ids < 1 || numbers < 1) throw nb::value_error("a record has a tag, ids and numbers");
+        wanted.push_back({tag, ids, numbers, parameter});
+    }
+    io::GraphRecords records;
+    {
+        const auto content = view(text);
+        nb::gil_scoped_release release;
+        records = io::parse_graph(content, wanted);
+    }
+    nb::dict out;
+    out["bad_line"] = records.bad_line;
+    out["bad"] = nb::bytes(records.bad.data(), records.bad.size());
+    nb::dict tables;
+    if (records.bad_line == 0) {  // a bad line leaves the tables uneven
+        for (std::size_t i = 0; i < wanted.size(); ++i) {
+            auto& table = records.tables[i];
+            if (table.ids.empty()) continue;
+            const std::size_t columns = 1 + static_cast<std::size_t>(wanted[i].ids) + (wanted[i].parameter ? 1 : 0);
+            tables[wanted[i].tag.c_str()] =
+                nb::make_tuple(to_array(std::move(table.ids), columns),
+                               to_array(std::move(table.numbers), static_cast<std::size_t>(wanted[i].numbers)));
+        }
+    }
+    out["tables"] = tables;
+    out["fixed"] = to_array(std::move(records.fixed), 2);
+    if (records.bad_line != 0) records.feature_numbers.clear();
+    out["features"] = nb::make_tuple(to_array(std::move(records.features), 2),
+                                     to_array(std::move(records.feature_numbers), 5));
+    nb::list unknown;
+    for (const auto& [line, content] : records.unknown) {
+        unknown.append(nb::make_tuple(line, nb::bytes(content.data(), content.size())));
+    }
+    out["unknown"] = unknown;
+    return out;
+}
+
+using Ids = nb::ndarray<const std::int64_t, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
+using Numbers = nb::ndarray<const double, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
+
+nb::bytes format_records(const std::string& tag, const Ids& ids, const Numbers& numbers) {
+    if (ids.shape(0) != numbers.shape(0)) throw nb::value_error("ids and numbers need as many rows");
+    std::string text;
+    {
+        nb::gil_scoped_release release;
+        text = io::format_records(tag, ids.data(), numbers.data(), ids.shape(0), ids.shape(1), numbers.shape(1));
+    }
+    return nb::bytes(text.data(), text.size());
+}
+
 }  // namespace
 
 void bind_io(nb::module_ m) {
     m.def("parse_carmen", &parse_carmen, nb::arg("text"), "Records of a CARMEN text log as arrays.");
     m.def("parse_table", &parse_table, nb::arg("text"), nb::arg("columns"),
           "Rows of numbers, their lines, the first bad line (0: none) and how many numbers it began with.");
+    m.def("parse_graph", &parse_graph, nb::arg("text"), nb::arg("records"),
+          "Records (tag, ids, numbers, parameter) of a pose-graph file as arrays.");
+    m.def("format_records", &format_records, nb::arg("tag"), nb::arg("ids"), nb::arg("numbers"),
+          "Lines of a tag, ids and numbers that read back exactly.");
 }
 
 }  // namespace clew

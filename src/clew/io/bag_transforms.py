@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from clew.io.poses import rotation_matrices, unit_quaternions
+from clew.geometry import so3
 
 Array = NDArray[np.float64]
 
@@ -27,11 +27,12 @@ class Transforms:
         for transform in stamped:
             child = transform.child_frame_id.lstrip("/")
             move, turn = transform.transform.translation, transform.transform.rotation
-            quaternion, length = unit_quaternions(np.array([[turn.x, turn.y, turn.z, turn.w]]))
+            quaternion = np.array([turn.x, turn.y, turn.z, turn.w])
             matrix = np.eye(4)
-            matrix[:3, :3] = rotation_matrices(quaternion)[0]
             matrix[:3, 3] = move.x, move.y, move.z
-            if np.isfinite(matrix).all() and length[0] > 0.5:
+            length = float(np.linalg.norm(quaternion))
+            if np.isfinite(matrix).all() and 0.5 < length < 2.0:
+                matrix[:3, :3] = so3.matrix(so3.canonical(quaternion))
                 self._parents.setdefault(child, (transform.header.frame_id.lstrip("/"), matrix))
 
     def _way_up(self, frame: str) -> dict[str, Array]:

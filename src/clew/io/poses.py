@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from clew.errors import InputError
+from clew.geometry import SE2, SE3, so3
 
 Array = NDArray[np.float64]
 
@@ -14,7 +15,7 @@ def to_spatial(poses: Array) -> Array:
     """SE3 storage ``(N, 7)`` of SE2 ``(N, 3)`` or SE3 ``(N, 7)`` poses.
 
     Raises:
-        InputError: the array has another shape or holds something that is not finite.
+        InputError: the array has another shape or holds something that is no pose.
     """
     poses = np.asarray(poses, dtype=np.float64)
     if poses.ndim != 2 or poses.shape[1] not in (3, 7):
@@ -22,30 +23,9 @@ def to_spatial(poses: Array) -> Array:
     if not np.isfinite(poses).all():
         row = int(np.flatnonzero(~np.isfinite(poses).all(axis=1))[0])
         raise InputError(f"pose {row} is not finite; leave it out")
-    if poses.shape[1] == 7:
-        return poses
-    spatial = np.zeros((len(poses), 7))
-    spatial[:, :2] = poses[:, :2]
-    spatial[:, 5], spatial[:, 6] = np.sin(poses[:, 2] / 2), np.cos(poses[:, 2] / 2)
-    spatial[spatial[:, 6] < 0, 3:] *= -1
-    return spatial
-
-
-def unit_quaternions(quaternions: Array) -> tuple[Array, Array]:
-    """Unit quaternions ``(N, 4)`` with ``qw >= 0``, and the lengths ``(N,)`` before; zero stays zero."""
-    length = np.linalg.norm(quaternions, axis=1)
-    unit = quaternions / np.where(length > 0, length, 1.0)[:, None]
-    unit[unit[:, 3] < 0] *= -1
-    return unit, length
-
-
-def rotation_matrices(quaternions: Array) -> Array:
-    """Rotation matrices ``(N, 3, 3)`` of unit quaternions ``(N, 4)``."""
-    x, y, z, w = quaternions.T
-    rows = [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w),
-            2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w),
-            2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)]
-    return np.stack(rows, axis=1).reshape(-1, 3, 3)
+    if poses.shape[1] == 3:
+        return SE3.from_planar(SE2.from_array(poses)).array
+    return SE3.from_array(poses).array
 
 
 def quaternions_of_angles(roll: Array, pitch: Array, yaw: Array) -> Array:
@@ -53,8 +33,8 @@ def quaternions_of_angles(roll: Array, pitch: Array, yaw: Array) -> Array:
     sr, cr = np.sin(roll / 2), np.cos(roll / 2)
     sp, cp = np.sin(pitch / 2), np.cos(pitch / 2)
     sy, cy = np.sin(yaw / 2), np.cos(yaw / 2)
-    return unit_quaternions(np.stack([sr * cp * cy - cr * sp * sy, cr * sp * cy + sr * cp * sy,
-                                      cr * cp * sy - sr * sp * cy, cr * cp * cy + sr * sp * sy], axis=1))[0]
+    return so3.canonical(np.stack([sr * cp * cy - cr * sp * sy, cr * sp * cy + sr * cp * sy,
+                                   cr * cp * sy - sr * sp * cy, cr * cp * cy + sr * sp * sy], axis=1))
 
 
 def angles_of_quaternions(quaternions: Array) -> Array:

@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from clew.errors import InputError
-from clew.io.poses import rotation_matrices, to_spatial, unit_quaternions
+from clew.geometry import so3
+from clew.io.poses import to_spatial
 from clew.io.table import read_table, time_format, write_table
 
 Array = NDArray[np.float64]
@@ -42,12 +43,12 @@ def read_tum(path: str | PathLike[str]) -> tuple[Array, Array]:
         InputError: the file cannot be read, or a line is not eight numbers with a quaternion of length one.
     """
     rows, lines = read_table(Path(path), 8, "timestamp x y z qx qy qz qw")
-    quaternions, length = unit_quaternions(rows[:, 4:])
+    length = np.linalg.norm(rows[:, 4:], axis=1)
     bad = np.flatnonzero(np.abs(length - 1) > 0.01)
     if len(bad):
         raise InputError(f"{path}, line {lines[bad[0]]}: the quaternion has length {length[bad[0]]:.6g}, "
                          "not 1; the order of the fields is timestamp x y z qx qy qz qw")
-    return rows[:, 0].copy(), np.column_stack([rows[:, 1:4], quaternions])
+    return rows[:, 0].copy(), np.column_stack([rows[:, 1:4], so3.canonical(rows[:, 4:])])
 
 
 def write_kitti(path: str | PathLike[str], poses: Array) -> None:
@@ -61,5 +62,5 @@ def write_kitti(path: str | PathLike[str], poses: Array) -> None:
         InputError: the shape does not fit, a value is not finite, or the file cannot be written.
     """
     spatial = to_spatial(poses)
-    matrices = np.concatenate([rotation_matrices(spatial[:, 3:]), spatial[:, :3, None]], axis=2)
+    matrices = np.concatenate([so3.matrix(spatial[:, 3:]), spatial[:, :3, None]], axis=2)
     write_table(Path(path), matrices.reshape(-1, 12), ["%.12g"] * 12)
