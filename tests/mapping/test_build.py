@@ -78,6 +78,18 @@ def test_along_one_ray_cells_are_free_then_occupied_then_unknown() -> None:
     assert state_at(grid, beside[None]) == [unknown]
 
 
+def test_what_a_ray_enters_in_the_last_half_cell_is_not_called_free() -> None:
+    # The ray crosses y = 0.05 at x = 0.983 and ends at x = 1.003: it spends its last 3 mm in the cell of its
+    # end, and 17 mm before in that cell's neighbour.
+    start, end = np.array([0.01, 0.0]), np.array([1.003, 0.05 * 0.993 / 0.973])
+    length, angle = np.hypot(*(end - start)), np.arctan2(*(end - start)[::-1])
+    scan = LaserScan(0.0, np.array([length]), angle, 0.1, 0.05, 30.0)
+    grid = build_occupancy_grid([scan], np.array([[*start, 0.0]]))
+    free, occupied, unknown = CellState.FREE, CellState.OCCUPIED, CellState.UNKNOWN
+    points = np.array([[0.975, 0.025], [0.975, 0.075], end])
+    assert state_at(grid, points).tolist() == [free, unknown, occupied]
+
+
 def test_a_hit_outweighs_a_miss_and_neither_is_forgotten() -> None:
     near, far = (LaserScan(0.0, np.array([r]), 0.0, 0.1, 0.05, 30.0) for r in (1.02, 2.02))
 
@@ -96,11 +108,11 @@ def test_a_hit_outweighs_a_miss_and_neither_is_forgotten() -> None:
 
 def test_the_map_does_not_depend_on_the_order_of_scans_nor_on_how_they_come() -> None:
     scans, poses = run()
-    whole = build_occupancy_grid(scans, poses)
+    whole = build_occupancy_grid(scans, poses, max_range=1.5)
     shuffled = np.random.default_rng(1).permutation(len(scans))
     builder = OccupancyGridBuilder()
-    for i in shuffled:  # one at a time: the grid grows again and again
-        builder.add(rays_from_scans([scans[i]], poses[i:i + 1]))
+    for i in shuffled:  # one at a time, of small reach: the grid grows again and again
+        builder.add(rays_from_scans([scans[i]], poses[i:i + 1], max_range=1.5))
     assert np.array_equal(builder.grid().log_odds, whole.log_odds)
     assert np.array_equal(builder.grid().origin, whole.origin)
 

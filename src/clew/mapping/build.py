@@ -75,8 +75,9 @@ class OccupancyGridBuilder:
         """Grow the grid until it holds all rays."""
         x_min, y_min, x_max, y_max = _native.mapping.ray_bounds(
             rays.T_world_sensor, rays.offsets, rays.endpoints, rays.hit)
-        low = np.floor(np.array([y_min, x_min]) / self.resolution)
-        high = np.floor(np.array([y_max, x_max]) / self.resolution) + 1.0
+        # One cell more all around: rounding may put a point on a border into either cell.
+        low = np.floor(np.array([y_min, x_min]) / self.resolution) - 1.0
+        high = np.floor(np.array([y_max, x_max]) / self.resolution) + 2.0
         shape = np.array(self._cells.shape[:2])
         if shape.any():
             low = np.minimum(low, self._corner)
