@@ -99,10 +99,10 @@ def test_a_factor_written_in_python_is_differentiated() -> None:
     graph = random_graph(1, 2, 4, 2)
     keys = graph.keys(clew.SE2)
 
-    def middle(a: Any, b: Any, c: Any, *, measurement: Any) -> Any:
+    def middle(a: Any, b: Any, c: Any, measurement: Any) -> Any:
         return np.sin(a[:, :2] + c[:, :2]) * b[:, 2:] - measurement
 
-    graph.add(clew.CustomFactor(np.stack([keys[:-2], keys[1:-1], keys[2:]], axis=1), (clew.SE2,) * 3, middle,
+    graph.add(clew.CustomFactor((keys[:-2], keys[1:-1], keys[2:]), middle, kinds=(clew.SE2,) * 3,
                                 measurement=np.full((2, 2), 0.3), sigmas=(0.5, 0.7)))
     compare(graph)
 

@@ -50,3 +50,29 @@ def random_graph(seed: int, space: int, poses: int, points: int, kernel: Any = N
         graph.add(clew.RangeBearing(seen_from, seen, generator.uniform(0.5, 3, len(seen)), angles[0], **elevation,
                                     T_robot_sensor=some(1)[0], information=information(generator, len(seen), space)))
     return graph
+
+
+def consistent_graph(seed: int, space: int, poses: int, points: int, noise: float = 0.1) -> clew.FactorGraph:
+    """A graph like `random_graph` whose measurements are true but for noise, so that it has a clear minimum."""
+    generator = np.random.default_rng(seed)
+    pose = clew.SE2 if space == 2 else clew.SE3
+    graph = clew.FactorGraph()
+    truth = pose.exp(generator.standard_normal((poses, pose.dim)) * np.repeat([2.0, 1.0], [space, pose.dim - space]))
+    spots = 3.0 + generator.standard_normal((points, space))
+    keys, landmarks = graph.add_pose(truth), graph.add_point(spots)
+
+    def blurred(exact: Any) -> Any:
+        return exact.retract(noise * generator.standard_normal((len(exact), exact.dim)))
+
+    graph.add(clew.Prior(keys[0], truth[0], information=information(generator, 1, pose.dim)))
+    a, b = np.concatenate([np.stack([keys[:-1], keys[1:]]), generator.choice(keys, (2, poses))], axis=1)
+    a, b = a[a != b], b[a != b]
+    graph.add(clew.Between(a, b, blurred(truth[a].between(truth[b])),
+                           information=information(generator, len(a), pose.dim)))
+    seen = np.tile(np.arange(points), 3)
+    seer = generator.integers(0, poses, len(seen))
+    where = clew.Point2 if space == 2 else clew.Point3
+    graph.add(clew.PointObservation(keys[seer], landmarks[seen], blurred(truth[seer].inverse().act(
+        where.from_array(spots[seen]))), information=information(generator, len(seen), space)))
+    graph.set_values(keys, blurred(truth))
+    return graph

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from clew import _native
+from clew.geometry import SE2, SE3
 from clew.graph import Factor
 from clew.noise import Kernel
 from clew.solve.differentiate import differentiate
@@ -15,15 +16,15 @@ from clew.solve.differentiate import differentiate
 Array = NDArray[np.float64]
 Rows = NDArray[np.int32]
 
-#: Native kernel of the factors that have one, by `Factor.native`.
+#: Native kernel of the factors that have one, by `Factor.native` and the manifold of the first variable.
 KERNELS = {
-    "between_se2": "between_se2",
-    "between_se3": "between_se3",
-    "prior_se2": "between_se2",  # the relative pose seen from an identity that is constant
-    "prior_se3": "between_se3",
-    "point_observation_2d": "point_observation_2d",
-    "point_observation_3d": "point_observation_3d",
-    "range_bearing_2d": "range_bearing_2d",
+    ("between", SE2): "between_se2",
+    ("between", SE3): "between_se3",
+    ("prior", SE2): "between_se2",  # the relative pose seen from an identity that is constant
+    ("prior", SE3): "between_se3",
+    ("point", SE2): "point_observation_2d",
+    ("point", SE3): "point_observation_3d",
+    ("range_bearing", SE2): "range_bearing_2d",
 }
 
 
@@ -65,7 +66,7 @@ class CompiledBlock:
         hessian, gradient = (None, None) if system is None else (system.hessian, system.gradient)
         robust, scale = (0, 1.0) if kernel is None else (int(kernel.native_id), float(kernel.scale))
         known = 0 <= robust <= 7
-        name = KERNELS.get(self.factor.native or "")
+        name = KERNELS.get((self.factor.native or "", self.factor.kinds[0]))
         if name is not None and known:
             return self._native(name, values, robust, scale, hessian, gradient)
         arrays = [values[table][self.rows[:, p]] for p, table in enumerate(self.tables)]

@@ -22,7 +22,7 @@ Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 
 #: Kinds of factors (`Factor.native`) whose residual no rigid motion of all its variables changes.
-RELATIVE = ("between_se2", "between_se3", "point_observation_2d", "point_observation_3d", "range_bearing_2d")
+RELATIVE = ("between", "point", "range_bearing", "bearing", "range")
 _RANK_TOLERANCE = 1e-9
 _ROUNDING = 1e-20  # share of cancelling terms in a squared derivative that is rounding
 _DIRECTIONS = {2: ("x", "y", "the heading"), 3: ("x", "y", "z", "the rotation about x", "the rotation about y",
@@ -113,6 +113,7 @@ def find_gauge(graph: FactorGraph) -> Gauge:
             np.add.at(seen, part, _pad(sight))
             np.add.at(floor, part, _ROUNDING * terms)
     seen[np.trace(seen, axis1=1, axis2=2) <= floor] = 0.0
+    seen[~np.isfinite(seen).all(axis=(1, 2))] = np.eye(6)  # the solve itself will find out and say so
 
     parts, held = _judge(tables, base, rank, component, leader, space, seen)
     return Gauge(parts, held, count)

@@ -34,8 +34,8 @@ def place_landmarks(problem: Problem, values: Values) -> Values:
 def _sightings(block: CompiledBlock) -> Array | None:
     """Points in the sensor's frame ``(M, space)`` for factors that say as much."""
     z = block.factor.measurement
-    if block.factor.native in ("point_observation_2d", "point_observation_3d"):
+    if block.factor.native == "point":
         return z
-    if block.factor.native == "range_bearing_2d":
+    if block.factor.native == "range_bearing" and z.shape[1] == 2:
         return np.stack([z[:, 0] * np.cos(z[:, 1]), z[:, 0] * np.sin(z[:, 1])], axis=1)
     return None

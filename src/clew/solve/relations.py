@@ -53,7 +53,7 @@ def relations(problem: Problem, values: Values) -> list[Relations]:
     for number, table in enumerate(problem.tables):
         kind = table.kind
         blocks = [b for b in problem.blocks
-                  if b.factor.native == f"between_{kind.name.lower()}" and b.tables == (number, number) and len(b.factor)]
+                  if b.factor.native == "between" and b.tables == (number, number) and len(b.factor)]
         if kind not in (SE2, SE3) or not blocks:
             continue
         i = np.concatenate([b.rows[:, 0] for b in blocks]).astype(np.int64)
@@ -61,7 +61,7 @@ def relations(problem: Problem, values: Values) -> list[Relations]:
         start = values[number].copy()
         constant = np.flatnonzero(problem.columns[number] < 0)
         component = _native.solve.spanning_forest(len(start), i, j, np.empty(0, np.int64))[4]
-        priors = [b for b in problem.blocks if b.factor.native == f"prior_{kind.name.lower()}" and b.tables == (number,)]
+        priors = [b for b in problem.blocks if b.factor.native == "prior" and b.tables == (number,)]
         seeds = [constant]
         if priors:
             rows = np.concatenate([b.rows[:, 0] for b in priors]).astype(np.int64)
