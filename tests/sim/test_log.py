@@ -59,6 +59,7 @@ def test_odometry_comes_right_before_its_scan() -> None:
         np.testing.assert_array_equal(scan.ranges, log.ranges[index])
         np.testing.assert_array_equal(scan.angles, log.laser.angles)
     assert log.duration == pytest.approx(10.0)
+    assert log.has_odometry
     assert log.report.used == {"scan": 51, "odometry": 51}
 
 

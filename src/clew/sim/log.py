@@ -64,6 +64,11 @@ class SimulatedLog:
         """Seconds from the first to the last scan."""
         return float(self.timestamps[-1] - self.timestamps[0])
 
+    @property
+    def has_odometry(self) -> bool:
+        """Always: the odometry of every scan is known."""
+        return True
+
     def scan(self, index: int) -> LaserScan:
         """The scan at the timestamp of this index."""
         return LaserScan(float(self.timestamps[index]), self.ranges[index], self.laser.angle_min,
