@@ -13,7 +13,7 @@ from clew.errors import InputError
 from clew.mapping import OccupancyGrid
 from clew.view import save_map_png
 from clew.view.raster import fitted, grid_pixels
-from clew.view.style import FREE, INK, OCCUPIED, UNKNOWN, format_metres, round_length
+from clew.view.style import FREE, INK, OCCUPIED, UNKNOWN, counted, format_metres, round_length
 from view.pictures import close_to, pixels_of, rgb
 
 WALL, EMPTY = 3.5, -2.0
@@ -97,6 +97,10 @@ def test_clew_and_mapping_do_not_load_matplotlib() -> None:
     code = "import sys, clew, clew.mapping; assert 'matplotlib' not in sys.modules; import clew.view; " \
            "assert 'matplotlib' in sys.modules and 'matplotlib.pyplot' not in sys.modules"
     subprocess.run([sys.executable, "-c", code], check=True, env={"PYTHONPATH": ":".join(sys.path)})
+
+
+def test_one_is_singular() -> None:
+    assert [counted(n, "pose") for n in (0, 1, 1728)] == ["0 poses", "1 pose", "1,728 poses"]
 
 
 @pytest.mark.parametrize(("longest", "length", "text"), [

@@ -38,6 +38,11 @@ def draw(folder: Path, **changes: Any) -> Pixels:
     return pixels_of(folder / "overview.png")
 
 
+@pytest.fixture(scope="module")
+def plain(tmp_path_factory: pytest.TempPathFactory) -> Pixels:
+    return draw(tmp_path_factory.mktemp("plain"))
+
+
 def map_part(picture: Pixels) -> tuple[Pixels, float]:
     """The rows of the map, and its pixels per metre: a map of 250 columns is drawn with 8 pixels a cell."""
     bottom = np.flatnonzero((picture == rgb(UNKNOWN)).all(axis=(1, 2)))[-1] + 1
@@ -51,8 +56,8 @@ def at(picture: Pixels, x: float, y: float) -> Pixels:
     return part[row - 2:row + 3, col - 2:col + 3]
 
 
-def test_map_paths_and_closures_lie_where_they_belong(tmp_path: Path) -> None:
-    picture = draw(tmp_path)
+def test_map_paths_and_closures_lie_where_they_belong(plain: Pixels) -> None:
+    picture = plain
     assert (at(picture, ORIGIN[0] + 5.0, ORIGIN[1] + 15.05) == rgb(OCCUPIED)).all()
     assert (at(picture, ORIGIN[0] + 23.0, ORIGIN[1] + 18.0) == rgb(FREE)).all()
     assert (at(picture, ORIGIN[0] + 23.0, ORIGIN[1] + 0.5) == rgb(UNKNOWN)).all()
@@ -64,8 +69,8 @@ def test_map_paths_and_closures_lie_where_they_belong(tmp_path: Path) -> None:
     assert 0.2 * 1300 < drawn.sum() < 20_000  # a dashed line
 
 
-def test_odometry_that_flies_off_leaves_map_and_heading_as_they_are(tmp_path: Path) -> None:
-    calm = draw(tmp_path)
+def test_odometry_that_flies_off_leaves_map_and_heading_as_they_are(plain: Pixels, tmp_path: Path) -> None:
+    calm = plain
     scale = np.array([[1.0], [1.0], [300.0], [-300.0], [1.0]])
     wild = draw(tmp_path, odometry_xy=run()["odometry_xy"] * scale)
     assert wild.shape == calm.shape
@@ -79,8 +84,7 @@ def test_odometry_that_flies_off_leaves_map_and_heading_as_they_are(tmp_path: Pa
     assert close_to(foot_calm, ODOMETRY).sum() == close_to(foot_wild, ODOMETRY).sum()
 
 
-def test_rejected_closures_and_ellipses_show_only_when_given(tmp_path: Path) -> None:
-    plain = draw(tmp_path)
+def test_rejected_closures_and_ellipses_show_only_when_given(plain: Pixels, tmp_path: Path) -> None:
     covariances = np.tile(np.diag([0.5, 0.1]), (5, 1, 1))
     full = draw(tmp_path, closures_rejected=np.array([[1, 3]]), covariances=covariances)
     assert not close_to(plain, UNCERTAINTY, 20).any()

@@ -25,6 +25,7 @@ from clew.view.style import (
     TRAJECTORY,
     UNCERTAINTY,
     Sheet,
+    counted,
     format_metres,
     round_length,
 )
@@ -145,11 +146,11 @@ def _legend(
     poses: Array, points: Array, edges: Mapping[str, Array], covariances: Array | None
 ) -> list[Line2D]:
     handles = [Line2D([], [], linestyle="none", marker="o", markersize=4, color=INK, markeredgewidth=0.0,
-                      label=f"{len(poses):,} poses")]
+                      label=counted(len(poses), "pose"))]
     if len(points):
         handles.append(Line2D([], [], linestyle="none", marker="^", markersize=6, color=LANDMARK,
-                              markeredgewidth=0.0, label=f"{len(points):,} landmarks"))
-    handles += [Line2D([], [], color=colour, linewidth=1.8, label=f"{len(ends):,} {role} edges")
+                              markeredgewidth=0.0, label=counted(len(points), "landmark")))
+    handles += [Line2D([], [], color=colour, linewidth=1.8, label=counted(len(ends), f"{role} edge"))
                 for role, ends, colour, _ in _in_order(edges)]
     if covariances is not None:
         handles.append(Line2D([], [], color=UNCERTAINTY, linewidth=1.2, label="95 % ellipses of position"))

@@ -26,6 +26,7 @@ from clew.view.style import (
     UNCERTAINTY,
     UNKNOWN,
     Sheet,
+    counted,
 )
 
 Array = NDArray[np.float64]
@@ -150,10 +151,10 @@ def _legend(
     ]
     if len(accepted):
         handles.append(Line2D([], [], color=CLOSURE, linewidth=1.2, marker="o", markersize=4,
-                              markeredgewidth=0.0, label=f"{len(accepted):,} loop closures"))
+                              markeredgewidth=0.0, label=counted(len(accepted), "loop closure")))
     if rejected is not None and len(rejected):
         handles.append(Line2D([], [], color=REJECTED, linewidth=1.0, alpha=0.7, dashes=_DOTS,
-                              label=f"{len(rejected):,} closures rejected"))
+                              label=counted(len(rejected), "rejected closure")))
     if covariances is not None:
         handles.append(Line2D([], [], color=UNCERTAINTY, linewidth=1.0, label="95 % ellipses of position"))
     handles.append(Line2D([], [], linestyle="none", label="start", **_START))

@@ -108,6 +108,11 @@ class Sheet:
             self._canvas.print_png(file, metadata={"Software": None})
 
 
+def counted(number: int, noun: str) -> str:
+    """A number with its noun: ``1 pose``, ``1,728 poses``."""
+    return f"{number:,} {noun}" + ("" if number == 1 else "s")
+
+
 def round_length(longest: float) -> float:
     """The largest of 1, 2 and 5 times a power of ten that is not above `longest`."""
     power = 10.0 ** np.floor(np.log10(longest))
