@@ -48,6 +48,7 @@ def verify(
     source: int,
     T_predicted: Array,
     half_window: Array,
+    prior_information: Array,
     similarity: float,
     options: VerificationOptions,
 ) -> Closure:
@@ -58,6 +59,8 @@ def verify(
         query: points about keyframe `source`, in its frame.
         T_predicted: ``(3,)`` expected pose of the source in the submap's frame.
         half_window: ``(3,)`` half size of the search window, metres, metres, radians.
+        prior_information: ``(3, 3)`` of `T_predicted`, in units of the returns' information. It decides only where
+            the returns do not, as along a bare corridor.
         similarity: cosine of the descriptors, kept as evidence.
     """
     thinned = merge_surfels(query, options.voxel)
@@ -76,8 +79,10 @@ def verify(
     if rival is not None:
         return replace(closure, verdict=Verdict.AMBIGUOUS, T_target_source=best.T_target_source)
     fine = align(
-        submap.index, SourceClouds.single(query), np.zeros((1, 2), dtype=np.int32), best.T_target_source[None], options=ALIGNMENT
-    )
+        submap.index, SourceClouds.single(query), np.zeros((1, 2), dtype=np.int32),
+        best.T_target_source[None],
+        T_prior=T_predicted[None], prior_information=prior_information[None], options=ALIGNMENT,
+    )  # fmt: skip
     T = fine.T_target_source[0]
     error = se2.between(T_predicted, T)
     closure = replace(

@@ -12,6 +12,8 @@ from clew.scan.laser import LaserScan
 
 Array = NDArray[np.float64]
 
+MOST_NEIGHBOURS = 64  # on each side
+
 
 @dataclass(frozen=True)
 class CleaningOptions:
@@ -19,8 +21,9 @@ class CleaningOptions:
 
     Attributes:
         range_limit: returns further away are left out, metres; grazing far returns say little and cost much.
-        window_angle: neighbours within this angle on each side make the surface, radians (two beams at least).
-        radius: neighbours further than this from the return do not count, metres.
+        radius: neighbours within this distance make the surface of a return, metres (the next two on each side
+            wherever they are). Normals from smaller neighbourhoods are so noisy that a bare corridor would seem to
+            tell how far along it the robot is.
         gap_base, gap_per_metre: a step between neighbouring returns longer than
             ``gap_base + gap_per_metre * range`` ends the surface.
         spacing: returns closer together than this share their weight, metres, so that a wall right beside
@@ -29,8 +32,7 @@ class CleaningOptions:
     """
 
     range_limit: float = 40.0
-    window_angle: float = 0.05
-    radius: float = 0.5
+    radius: float = 0.25
     gap_base: float = 0.06
     gap_per_metre: float = 0.06
     spacing: float = 0.05
@@ -85,9 +87,8 @@ def extract_points(scan: LaserScan, options: CleaningOptions | None = None) -> S
     r = ranges[beams]
     angles = scan.angle_min + scan.angle_increment * beams
     points = np.stack([r * np.cos(angles), r * np.sin(angles)], axis=1)
-    window = max(2, round(options.window_angle / abs(scan.angle_increment)))
     normals, ratio, support = _native.scan.surface_normals(
-        points, beams, window, options.radius, options.gap_base, options.gap_per_metre
+        points, beams, MOST_NEIGHBOURS, options.radius, options.gap_base, options.gap_per_metre
     )
     keep = support > 0
     points, normals, ratio, r = points[keep], normals[keep], ratio[keep], r[keep]

@@ -42,10 +42,10 @@ class TrackingOptions:
     sigma: float = 0.06
     window_sigmas: float = 5.0
     window_floor: tuple[float, float, float] = (0.3, 0.3, 0.2)
-    prior_weight: float = 0.02
+    prior_weight: float = 0.04
     voxel: float = 0.05
     return_weight: float = 0.3
-    information_scale: float = 0.05
+    information_scale: float = 0.15
     overlap: float = 0.3
     velocity_sigmas: tuple[float, float] = (0.6, 0.8)
 
@@ -92,7 +92,7 @@ class ClosingOptions:
     supporters: int = 2
     support_path: float = 6.0
     cached_submaps: int = 64
-    information_scale: float = 0.02
+    information_scale: float = 0.06
     kernel_scale: float = 10.0
     residual: float = 40.0
 

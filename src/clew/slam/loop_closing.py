@@ -18,6 +18,7 @@ from clew.slam.pose_graph import PoseGraph
 Array = NDArray[np.float64]
 
 QUERY_VOXEL = 0.05  # metres
+FLOOR = np.diag([0.05, 0.05, 0.02]) ** 2  # covariance that any prediction has at least
 SHORTLIST = 12  # nearest candidates whose uncertainty and appearance are looked at
 
 
@@ -79,7 +80,8 @@ class LoopCloser:
             window = self._window(covariances[i])
             T_predicted = se2.between(poses[anchors[i]], poses[source])
             closure = verify(
-                self._submap(int(anchors[i])), query, source, T_predicted, window, float(alike[i]),
+                self._submap(int(anchors[i])), query, source, T_predicted, window,
+                np.linalg.inv(covariances[i] + FLOOR) / options.information_scale, float(alike[i]),
                 self._config.verification,
             )  # fmt: skip
             proposals.append(self._gate(closure, T_predicted, covariances[i]))
@@ -147,8 +149,7 @@ class LoopCloser:
         if closure.verdict is not Verdict.WAITING:
             return closure
         error = se2.between(T_predicted, closure.T_target_source)
-        floor = np.diag([0.05, 0.05, 0.02]) ** 2
-        distance = float(error @ np.linalg.solve(covariance + floor, error))
+        distance = float(error @ np.linalg.solve(covariance + FLOOR, error))
         if distance > self._config.closing.gate:
             return replace(closure, verdict=Verdict.DISAGREES)
         return closure

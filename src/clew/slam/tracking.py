@@ -84,7 +84,7 @@ class Tracker:
         transport = se2.adjoint(se2.inverse(increment))
         prior = transport @ self._covariance @ transport.T + noise
         points = extract_points(scan, self._config.cleaning)
-        pose, covariance = self._match(points, predicted, prior)
+        pose, covariance = self._match(points, increment, predicted, prior)
         self._remember(scan.timestamp, T_odom_robot, pose)
         self._T_keyframe_robot, self._covariance = pose, covariance
         if self._starts_keyframe(scan.timestamp):
@@ -112,14 +112,14 @@ class Tracker:
             self._velocity = se2.log(se2.between(self._T_keyframe_robot, pose)) / seconds
         self._timestamp, self._T_odom_robot = timestamp, T_odom_robot
 
-    def _match(self, points: ScanPoints, predicted: Array, prior: Array) -> tuple[Array, Array]:
+    def _match(self, points: ScanPoints, increment: Array, predicted: Array, prior: Array) -> tuple[Array, Array]:
         """Pose and covariance from the prediction and the returns; the prediction where they do not tell."""
         assert self._map is not None
         if len(points) < LEAST_POINTS:
             return predicted, prior
         options = self._config.tracking
         sigmas = np.sqrt(np.diag(prior))
-        half = np.maximum(options.window_sigmas * sigmas, options.window_floor)
+        half = np.maximum(options.window_sigmas * sigmas, options.window_floor) + self._stuck(increment)
         coarse = correlate(
             self._map.pyramid, merge_surfels(points, THINNING).points, predicted, half,
             prior_sigmas=sigmas, prior_weight=options.prior_weight,
@@ -135,6 +135,15 @@ class Tracker:
             return predicted, prior
         information = options.information_scale * fine.information[0] + prior_information
         return fine.T_target_source[0], np.linalg.inv(information)
+
+    @staticmethod
+    def _stuck(increment: Array) -> Array:
+        """What the window grows by, so that a robot whose wheels turned while it stood is found where it stood.
+
+        The other way round, odometry that comes late shows no motion first and then all of it at once.
+        """
+        distance = np.hypot(increment[0], increment[1])
+        return np.array([distance, distance, 0.5 * abs(increment[2])])
 
     @staticmethod
     def _slip(predicted: Array, matched: Array, prior: Array) -> float:
