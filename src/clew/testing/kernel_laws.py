@@ -19,7 +19,9 @@ def check_kernel(kernel: Kernel, *, tolerance: float = 2e-5) -> None:
     name = repr(kernel)
     origin = np.zeros(1)
     assert kernel.rho(origin)[0] == 0.0, f"{name}: rho(0) is {kernel.rho(origin)[0]}, not 0"
-    assert abs(kernel.weight(origin)[0] - 1.0) < 1e-12, f"{name}: weight(0) is {kernel.weight(origin)[0]}, not 1"
+    assert abs(kernel.weight(origin)[0] - 1.0) < 1e-12, (
+        f"{name}: weight(0) is {kernel.weight(origin)[0]}, not 1"
+    )
     s = kernel.scale**2 * np.concatenate((np.logspace(-6, 6, 2401), np.linspace(0.5, 2.0, 301)))
     s.sort()
     rho, weight = kernel.rho(s), kernel.weight(s)

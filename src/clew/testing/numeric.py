@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,7 +12,7 @@ from clew.geometry import Manifold
 
 Array = NDArray[np.float64]
 
-#: How elements are drawn: anywhere, close to the identity, and around half a turn, where formulas change branch.
+#: How elements are drawn: anywhere, and where formulas change branch, near the identity and half a turn.
 REGIMES = ("generic", "1e-7 from identity", "1e-12 from identity", "1e-7 from pi", "pi")
 
 
@@ -38,14 +39,14 @@ def random_tangents(
     if turn:
         axis = rng.normal(size=(*shape, turn))
         axis /= np.linalg.norm(axis, axis=-1, keepdims=True)
-        angle = {
+        angles: dict[str, Any] = {
             "generic": rng.uniform(0.0, np.pi, size=(*shape, 1)),
             "1e-7 from identity": 1e-7,
             "1e-12 from identity": 1e-12,
             "1e-7 from pi": np.pi - 1e-7,
             "pi": np.pi,
-        }[regime]
-        tangent[..., kind.dim - turn :] = angle * axis
+        }
+        tangent[..., kind.dim - turn :] = angles[regime] * axis
     if regime.endswith("identity"):
         tangent[..., : kind.dim - turn] *= 1e-7
     return tangent
