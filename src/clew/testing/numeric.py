@@ -16,6 +16,12 @@ Array = NDArray[np.float64]
 REGIMES = ("generic", "1e-7 from identity", "1e-12 from identity", "1e-7 from pi", "pi")
 
 
+def require(condition: Any, message: str) -> None:
+    """Raise `AssertionError` unless a condition holds; unlike ``assert`` also under ``python -O``."""
+    if not condition:
+        raise AssertionError(message)
+
+
 def numeric_jacobian(function: Callable[[Array], Array], dim: int, step: float = 1e-4) -> Array:
     """Derivative ``(..., d, dim)`` at zero of a function of a tangent ``(dim,)`` with values ``(..., d)``.
 
