@@ -246,17 +246,9 @@ class FactorGraph:
         Raises:
             InputError: a key that is unknown or of another kind than the factor needs.
         """
-        keys = factor.keys
-        slots = self._index.find(keys)
-        if slots.size and slots.min() < 0:
-            raise InputError(f"{type(factor).__name__} refers to the unknown key {keys[slots < 0][0]}; "
-                             "add its variable first")
-        for position, kind in enumerate(factor.kinds):
-            wrong = self._slot_table.rows[slots[:, position]] != self._table_of.get(kind, -1)
-            if wrong.any():
-                key = int(keys[wrong, position][0])
-                raise InputError(f"{type(factor).__name__} needs a {kind.__name__} as variable {position + 1}, but key "
-                                 f"{key} is a {self.kind(key).__name__}")
+        tables = [self._table_of.get(kind, -1) for kind in factor.kinds]
+        if len(factor) != 1 or not self._fits(factor.keys[0].tolist(), tables):
+            self._check(factor, tables)
         name = signature(factor)
         number = self._factors_of.get(name)
         if number is None:
@@ -268,6 +260,24 @@ class FactorGraph:
         self._id_table.extend(len(ids))[:] = number
         self._structure += 1
         return ids
+
+    def _fits(self, keys: list[int], tables: list[int]) -> bool:
+        """Whether the keys of one measurement are known and of the kinds in these tables; quick."""
+        slots = [self._index.find_one(key) for key in keys]
+        return min(slots) >= 0 and [self._slot_table.rows.item(slot) for slot in slots] == tables
+
+    def _check(self, factor: Factor, tables: list[int]) -> None:
+        """Raise InputError for the first key of a block that is unknown or of another kind."""
+        slots = self._index.find(factor.keys)
+        if slots.size and slots.min() < 0:
+            raise InputError(f"{type(factor).__name__} refers to the unknown key {factor.keys[slots < 0][0]}; "
+                             "add its variable first")
+        wrong = self._slot_table.rows[slots] != np.array(tables)
+        if wrong.any():
+            row, position = (int(index) for index in np.argwhere(wrong)[0])
+            key, kind = int(factor.keys[row, position]), factor.kinds[position]
+            raise InputError(f"{type(factor).__name__} needs a {kind.__name__} as variable {position + 1}, but key "
+                             f"{key} is a {self.kind(key).__name__}")
 
     def remove(self, ids: ArrayLike) -> None:
         """Take factors out again, by the ids that `add` returned.

@@ -42,6 +42,11 @@ class Log(Protocol):
         """Seconds from the first to the last scan."""
         ...
 
+    @property
+    def has_odometry(self) -> bool:
+        """Whether there is any odometry in the log."""
+        ...
+
     def measurements(self) -> Iterator[Measurement]:
         """Yield scans and odometry readings in the order of time.
 

@@ -24,6 +24,7 @@ Index = NDArray[np.int64]
 #: Kinds of factors (`Factor.native`) whose residual no rigid motion of all its variables changes.
 RELATIVE = ("between", "point", "range_bearing", "bearing", "range")
 _RANK_TOLERANCE = 1e-9
+_ROUNDING = 1e-20  # share of cancelling terms in a squared derivative that is rounding
 _DIRECTIONS = {2: ("x", "y", "the heading"), 3: ("x", "y", "z", "the rotation about x", "the rotation about y",
                                                  "the rotation about z")}
 
@@ -99,6 +100,7 @@ def find_gauge(graph: FactorGraph) -> Gauge:
         origin[component[mine[first]], :table.kind.space] = table.values[first, :table.kind.space]
 
     seen = np.zeros((count, 6, 6))
+    floor = np.full(count, 1e-300)
     for table in tables:  # a constant variable sees every motion that moves it
         mine = rank[base[table.kind]:base[table.kind] + len(table.keys)]
         constant = np.flatnonzero(table.constant)
@@ -106,7 +108,12 @@ def find_gauge(graph: FactorGraph) -> Gauge:
         np.add.at(seen, component[mine[constant]], _pad(np.swapaxes(motion, 1, 2) @ motion))
     for block, node in zip(blocks, nodes, strict=True):
         if block.native not in RELATIVE and len(block):
-            np.add.at(seen, component[node[:, 0]], _pad(_sight(graph, tables, block, origin[component[node[:, 0]]])))
+            part = component[node[:, 0]]
+            sight, terms = _sight(graph, tables, block, origin[part])
+            np.add.at(seen, part, _pad(sight))
+            np.add.at(floor, part, _ROUNDING * terms)
+    seen[np.trace(seen, axis1=1, axis2=2) <= floor] = 0.0
+    seen[~np.isfinite(seen).all(axis=(1, 2))] = np.eye(6)  # the solve itself will find out and say so
 
     parts, held = _judge(tables, base, rank, component, leader, space, seen)
     return Gauge(parts, held, count)
@@ -164,15 +171,17 @@ def _words(free: Array, dim: int) -> tuple[str, ...]:
     return tuple(names[k] for k in sorted(np.argsort(-share, kind="stable")[:free.shape[1]]))
 
 
-def _sight(graph: FactorGraph, tables: tuple[Variables, ...], block: Factor, origin: Array) -> Array:
-    """``(J V)^T Omega (J V)`` of each factor of a block."""
+def _sight(graph: FactorGraph, tables: tuple[Variables, ...], block: Factor, origin: Array) -> tuple[Array, Array]:
+    """``(J V)^T Omega (J V)`` of each factor of a block, and the size of the terms that cancel in it."""
     values_of = {table.kind: table.values for table in tables}
     rows = graph.positions(block.keys)
     values = [values_of[kind][rows[:, p]] for p, kind in enumerate(block.kinds)]
-    jacobians = differentiate(block, values)
-    seen = sum(j @ _motions(kind, value, origin)
-               for j, kind, value in zip(jacobians, block.kinds, values, strict=True))
-    return np.swapaxes(seen, 1, 2) @ block.information @ seen
+    _, jacobians = differentiate(block, values)
+    terms = np.stack([j @ _motions(kind, value, origin)
+                      for j, kind, value in zip(jacobians, block.kinds, values, strict=True)])
+    seen = terms.sum(axis=0)
+    size = np.trace(block.information, axis1=1, axis2=2) * (terms**2).sum(axis=(0, 2, 3))
+    return np.swapaxes(seen, 1, 2) @ block.information @ seen, size
 
 
 def _motions(kind: type[Any], values: Array, origin: Array) -> Array:

@@ -17,6 +17,8 @@ from clew.solve.problem import Problem, Values
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 
+NO_COVARIANCE = "there is no covariance: the measurements leave some variables free to move; see Solution.diagnosis"
+
 
 @dataclass(frozen=True, eq=False)
 class Posterior:
@@ -43,10 +45,7 @@ class Posterior:
 
     def _factor(self) -> Factor:
         if self.factor.status is not FactorStatus.OK:
-            column = self.factor.failed_variable
-            where = f" (first noticed at key {self.problem.key_of(column)})" if column >= 0 else ""
-            raise InputError("there is no covariance: the measurements leave some variables free to move" + where
-                             + "; see Solution.diagnosis")
+            raise InputError(NO_COVARIANCE)
         return self.factor
 
     def marginals(self, table: int) -> Array:

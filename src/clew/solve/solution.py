@@ -14,7 +14,7 @@ from clew.errors import InputError
 from clew.geometry import SE2, SE3
 from clew.graph import FactorGraph
 from clew.solve.gauge import Part
-from clew.solve.posterior import Posterior
+from clew.solve.posterior import NO_COVARIANCE, Posterior
 from clew.solve.status import Status
 
 Array = NDArray[np.float64]
@@ -31,7 +31,7 @@ class Solution:
         iterations: steps tried.
         init: initial guess that was used ("file", "tree" or "rotation").
         seconds: time by stage: compile, initialise, linearise, factorise, total.
-        free_parts: connected parts of the graph that nothing ties to the world, and what was held for it.
+        free_parts: connected parts of the graph that, at the initial values, nothing ties to the world, and what was held.
         diagnosis: sentences about what the measurements leave open, gauge included; empty if all is well.
         posterior: the Gaussian around the minimum.
     """
@@ -114,7 +114,7 @@ class Solution:
         Raises:
             InputError: no such kind, or measurements that leave variables free.
         """
-        return self.posterior.marginals(self._table(kind))
+        return self._determined().marginals(self._table(kind))
 
     def joint_covariance(self, keys: ArrayLike) -> Array:
         """Dense covariance of several variables together, blocks in the order of `keys`."""
@@ -122,7 +122,12 @@ class Solution:
         problem = self.posterior.problem
         columns = np.array([problem.columns[table][row] for table, row in places], np.int64)
         sizes = np.array([problem.tables[table].kind.dim for table, _ in places], np.int64)
-        return self.posterior.joint(columns, sizes)
+        return self._determined().joint(columns, sizes)
+
+    def _determined(self) -> Posterior:
+        if self.status is Status.UNDERCONSTRAINED:  # rounding may have made the factorisation pass
+            raise InputError(NO_COVARIANCE)
+        return self.posterior
 
     # --- for people --------------------------------------------------------------------------------------------
 

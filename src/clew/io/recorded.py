@@ -1,0 +1,162 @@
+"""A log held as arrays: sorted, without duplicates, yielded as measurements."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from clew.errors import InputError
+from clew.io.log import Measurement, ReadReport
+from clew.motion import Odometry
+from clew.scan import LaserScan
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
+
+#: Records further than this from the median time of the scans have a damaged timestamp (115 days).
+_LONGEST_LOG = 1e7
+
+
+@dataclass(frozen=True, eq=False)
+class ScanTable:
+    """``N`` scans as arrays; the ranges of all of them lie in one flat array.
+
+    Attributes:
+        times: ``(N,)`` seconds.
+        first, count: ``(N,)`` where the ranges of each scan begin in `ranges`, and how many they are.
+        ranges: ``(R,)`` metres; ``inf`` no return, ``nan`` invalid.
+        angle_min, angle_increment, range_min, range_max: ``(N,)`` as in `LaserScan`.
+        T_robot_sensor: ``(3,)`` pose of the laser on the robot.
+        T_odom_robot: ``(N, 3)`` odometry that came with each scan; ``nan`` where none did.
+        rank: ``(N,)`` of two records of one scan (same time, same number of beams) the lower rank is kept.
+    """
+
+    times: Array
+    first: Indices
+    count: Indices
+    ranges: Array
+    angle_min: Array
+    angle_increment: Array
+    range_min: Array
+    range_max: Array
+    T_robot_sensor: Array
+    T_odom_robot: Array
+    rank: Indices
+
+    def take(self, chosen: Indices) -> ScanTable:
+        """The chosen scans in the order given; the flat array of ranges stays as it is."""
+        return ScanTable(self.times[chosen], self.first[chosen], self.count[chosen], self.ranges,
+                         self.angle_min[chosen], self.angle_increment[chosen], self.range_min[chosen],
+                         self.range_max[chosen], self.T_robot_sensor, self.T_odom_robot[chosen],
+                         self.rank[chosen])
+
+
+def _without_duplicates(scans: ScanTable) -> ScanTable:
+    """Drop scans that repeat an earlier one at the same time; `scans` are sorted by time."""
+    tied = np.zeros(len(scans.times), dtype=bool)
+    same = np.diff(scans.times) == 0
+    tied[1:] |= same
+    tied[:-1] |= same
+    seen: dict[tuple[float, int], tuple[int, set[bytes]]] = {}
+    keep = np.ones(len(scans.times), dtype=bool)
+    for i in np.flatnonzero(tied):
+        begin, count, rank = int(scans.first[i]), int(scans.count[i]), int(scans.rank[i])
+        content = scans.ranges[begin : begin + count].tobytes()
+        best, contents = seen.setdefault((float(scans.times[i]), count), (rank, set()))
+        keep[i] = rank == best and content not in contents
+        contents.add(content)
+    return scans.take(np.flatnonzero(keep))
+
+
+def _drop(report: ReadReport, reason: str, number: int) -> None:
+    if number:
+        report.skipped[reason] += number
+
+
+class RecordedLog:
+    """A `Log` whose records are held as arrays.
+
+    Args:
+        path: where the log came from.
+        scans: all scans, in any order.
+        odometry: ``(M, 4)`` readings besides those of the scans: time, x, y, theta; in any order.
+        report: what the reader met; the counts of used and dropped records are added to it.
+
+    Raises:
+        InputError: there is no scan.
+    """
+
+    def __init__(self, path: Path, scans: ScanTable, odometry: Array, report: ReadReport) -> None:
+        if len(scans.times) == 0:
+            raise InputError(f"{path}: holds no laser scan; give a log of a robot with a laser")
+        self.path = path
+        self.report = report
+        middle = float(np.median(scans.times))
+        good = np.flatnonzero(np.abs(scans.times - middle) <= _LONGEST_LOG)
+        _drop(report, "scan with a time far from all others", len(scans.times) - len(good))
+        scans = scans.take(good[np.lexsort((scans.rank[good], scans.times[good]))])
+        before = len(scans.times)
+        self._scans = _without_duplicates(scans)
+        _drop(report, "duplicate scan", before - len(self._scans.times))
+
+        near = np.abs(odometry[:, 0] - middle) <= _LONGEST_LOG
+        _drop(report, "odometry with a time far from all others", int(np.sum(~near)))
+        self._odometry = self._without_repeats(odometry[near])
+        self._ranges = self._scans.ranges
+        self._ranges.setflags(write=False)
+        report.used["scans"] += len(self._scans.times)
+        self._with_odometry = ~np.isnan(self._scans.T_odom_robot[:, 0])
+        report.used["odometry"] += len(self._odometry) + int(np.sum(self._with_odometry))
+
+    def _without_repeats(self, odometry: Array) -> Array:
+        """Sorted by time, without readings that repeat another or the one of a scan."""
+        of_scans = np.column_stack([self._scans.times, self._scans.T_odom_robot])
+        rows = np.concatenate([of_scans, odometry])
+        alone = np.arange(len(rows)) >= len(of_scans)
+        order = np.lexsort((alone, rows[:, 3], rows[:, 2], rows[:, 1], rows[:, 0]))
+        rows, alone = rows[order], alone[order]
+        repeat = np.zeros(len(rows), dtype=bool)
+        repeat[1:] = np.all(rows[1:] == rows[:-1], axis=1)
+        _drop(self.report, "duplicate odometry", int(np.sum(repeat & alone)))
+        # Back in file order among equal times: of two readings at one time the later record is the newer one.
+        chosen = order[alone & ~repeat]
+        kept = odometry[np.sort(chosen) - len(of_scans)]
+        return kept[np.argsort(kept[:, 0], kind="stable")]
+
+    @property
+    def scan_count(self) -> int:
+        """Number of scans that `measurements` yields."""
+        return len(self._scans.times)
+
+    @property
+    def duration(self) -> float:
+        """Seconds from the first to the last scan."""
+        return float(self._scans.times[-1] - self._scans.times[0])
+
+    @property
+    def has_odometry(self) -> bool:
+        """Whether there is any odometry in the log."""
+        return len(self._odometry) > 0 or bool(np.any(self._with_odometry))
+
+    def measurements(self) -> Iterator[Measurement]:
+        """Yield scans and odometry readings in the order of time."""
+        scans, odometry = self._scans, self._odometry
+        after = np.searchsorted(odometry[:, 0], scans.times, side="right").tolist()
+        times, first, end = scans.times.tolist(), scans.first.tolist(), (scans.first + scans.count).tolist()
+        laser = zip(scans.angle_min.tolist(), scans.angle_increment.tolist(), scans.range_min.tolist(),
+                    scans.range_max.tolist(), strict=True)
+        done = 0
+        for i, (angle_min, increment, range_min, range_max) in enumerate(laser):
+            for k in range(done, after[i]):
+                yield Odometry(float(odometry[k, 0]), odometry[k, 1:])
+            done = max(done, after[i])
+            if self._with_odometry[i]:
+                yield Odometry(times[i], scans.T_odom_robot[i])
+            yield LaserScan(times[i], self._ranges[first[i] : end[i]], angle_min, increment, range_min,
+                            range_max, scans.T_robot_sensor)
+        for k in range(done, len(odometry)):
+            yield Odometry(float(odometry[k, 0]), odometry[k, 1:])
