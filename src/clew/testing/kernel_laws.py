@@ -11,7 +11,7 @@ from clew.testing.numeric import require
 def check_kernel(kernel: Kernel, *, tolerance: float = 2e-5) -> None:
     """Check that a kernel is a robust loss on squared residuals.
 
-    ``rho(0) = 0``, ``weight(0) = 1``, ``weight`` in ``[0, 1]`` and equal to ``rho'``, ``rho`` never decreasing
+    ``rho(0) = 0``, ``weight(0) = 1``, ``weight`` in ``[0, 1]`` and equal to ``rho'``, ``rho`` not decreasing
     and never above ``s``; from a millionth of ``scale^2`` to a million times it.
 
     Raises:
