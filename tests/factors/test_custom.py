@@ -8,10 +8,11 @@ import numpy as np
 import pytest
 
 from clew.errors import InputError
-from clew.factors import Between, CustomFactor, RangeBearing
+from clew.factors import Between, CustomFactor, Prior, RangeBearing
 from clew.geometry import SE2, SE3, Point2, Point3, wrap
-from clew.graph import Factor, Role
+from clew.graph import Factor, FactorGraph, Role
 from clew.noise import Huber
+from clew.solve import optimize
 from clew.testing import check_factor, random_elements
 
 RNG = np.random.default_rng(9)
@@ -139,3 +140,47 @@ def test_a_subclass_with_only_a_residual_gets_its_jacobian() -> None:
     factor = Distance(KEYS, KEYS, RNG.uniform(1, 2, M))
     assert factor.jacobians(measurement=factor.measurement) is None
     check_factor(factor)
+
+
+def test_the_solver_treats_a_factor_of_your_own_as_a_built_in_one() -> None:
+    steps = SE2(np.full(12, 1.0), 0.0, np.pi / 6)
+    measured = steps.retract(np.random.default_rng(3).normal(scale=0.05, size=(12, 3))).array
+    solutions = []
+    for own in (False, True):
+        graph = FactorGraph()
+        ring = graph.add_pose(SE2(np.cos(np.arange(12.0)), np.sin(np.arange(12.0)), np.arange(12.0)))
+        graph.add(Prior(ring[0], SE2(0, 0, 0), sigmas=0.1))
+        after = np.roll(ring, -1)
+        if own:
+            for a, b, z in zip(ring, after, measured, strict=True):  # one by one: they share a block
+                factor = CustomFactor(
+                    (a, b),
+                    between_in_plain_numpy,
+                    kinds=(SE2, SE2),
+                    measurement=z,
+                    sigmas=[1, 1, 0.1],
+                    kernel=Huber(),
+                )
+                graph.add(factor)
+        else:
+            graph.add(Between(ring, after, measured, sigmas=[1, 1, 0.1], kernel=Huber()))
+        assert len(list(graph.blocks())) == 2
+        solutions.append(optimize(graph, init="file"))
+    assert 1e-4 < solutions[0].chi2 == pytest.approx(solutions[1].chi2, rel=1e-9)
+    np.testing.assert_allclose(solutions[0].values(SE2).array, solutions[1].values(SE2).array, atol=1e-6)
+
+
+def test_an_empty_block_is_no_special_case() -> None:
+    none = np.empty(0, dtype=np.int64)
+    empty = np.empty((0, 3))
+    for factor in (
+        Between(none, none, empty, sigmas=1.0),
+        Between(none, none, empty, information=np.eye(3)),
+        CustomFactor(
+            (none, none), between_in_plain_numpy, kinds=(SE2, SE2), measurement=empty, sigmas=[1, 1, 1]
+        ),
+    ):
+        error, jacobians = factor.linearise(empty, empty)
+        assert len(factor) == 0
+        assert error.shape == (0, 3)
+        assert [jacobian.shape for jacobian in jacobians] == [(0, 3, 3)] * 2

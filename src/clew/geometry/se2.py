@@ -125,7 +125,9 @@ def act_jacobians(a: Array, points: Array) -> tuple[Array, Array]:
 
 def tangent_basis(a: Array) -> Array:
     """Derivative ``(..., 3, 3)`` of the storage by the tangent of `retract` at zero."""
+    cos, sin = np.cos(a[..., 2]), np.sin(a[..., 2])
     basis = np.zeros((*a.shape, 3))
-    basis[..., :2, :2] = so2.matrix(a[..., 2:])
+    basis[..., 0, 0] = basis[..., 1, 1] = cos
+    basis[..., 0, 1], basis[..., 1, 0] = -sin, sin
     basis[..., 2, 2] = 1.0
     return basis
