@@ -76,7 +76,9 @@ OPERATIONS: dict[str, Operation] = {
     "absolute": lambda x: abs(x) + np.abs(x) * 2 + np.fabs(x) + np.sign(x),
     "arctan2": lambda x: np.arctan2(x, OTHER) + np.arctan2(OTHER, x) + np.arctan2(x, x[:, :1]),
     "hypot": lambda x: np.hypot(x, OTHER) + np.hypot(x[:, :1], x),
-    "remainder": lambda x: np.remainder(x, 0.7) + x % 0.31 + np.mod(x, OTHER) + OTHER % (0.3 + x * x),
+    "remainder": lambda x: (
+        np.remainder(x, 0.7) + x % 0.31 + np.mod(x, OTHER) + OTHER % (0.3 + x * x) - (-OTHER) % (0.3 + x * x)
+    ),
     "fmod": lambda x: np.fmod(x, 0.31) + np.fmod(OTHER, 0.3 + x * x),
     "degrees": lambda x: np.rad2deg(x) + np.deg2rad(x) + np.degrees(x) + np.radians(x),
     "copysign": lambda x: np.copysign(x, OTHER) + np.copysign(OTHER, x),
