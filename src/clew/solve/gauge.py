@@ -57,8 +57,8 @@ class Part:
         if self.held:
             return f"Nothing ties {who} to the world; key {self.anchor} was held where it was."
         return (
-            f"Nothing fixes {', '.join(self.directions)} of {who}; add a Prior on one of its poses, or hold one "
-            "with set_constant."
+            f"Nothing fixes {', '.join(self.directions)} of {who}; add a Prior on one of its poses, or hold "
+            "one with set_constant."
         )
 
 

@@ -61,6 +61,11 @@ class Solution:
     # --- values
     # ------------------------------------------------------------------------------------------------
 
+    @property
+    def kinds(self) -> tuple[type[Any], ...]:
+        """Manifolds of the variables that occur."""
+        return tuple(table.kind for table in self.posterior.problem.tables)
+
     def keys(self, kind: type[Any] | None = None) -> Index:
         """Keys of all variables of one kind, in the order of addition; by default of the poses."""
         keys: Index = self.posterior.problem.tables[self._table(kind)].keys.copy()

@@ -26,7 +26,7 @@ class Status(Enum):
         "robust kernel."
     )
     NOT_FINITE = (
-        "A cost or step is infinite or not a number; look for infinite information or values far out of range."
+        "A cost or step is infinite or not a number; look for infinite information or values out of range."
     )
     STOPPED = "Stopped by the callback."
     NOTHING_TO_DO = "All variables are constant or there are none; the values are those that were given."
