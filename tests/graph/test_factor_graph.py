@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
-import clew
+from itertools import pairwise
+
 import numpy as np
 import pytest
-from clew.errors import InputError
-from clew.graph import FactorGraph, Role
 from hypothesis import given, settings
 from hypothesis import strategies as st
+
+import clew
+from clew.errors import InputError
+from clew.graph import FactorGraph, Role
 
 SIGMAS = (0.1, 0.1, 0.02)
 
@@ -63,7 +66,7 @@ def test_own_keys_of_any_size_and_order() -> None:
 def test_singles_of_one_kind_share_a_block() -> None:
     graph = FactorGraph()
     keys = [graph.add_pose(clew.SE2(i, 0, 0)) for i in range(200)]
-    for a, b in zip(keys, keys[1:], strict=False):
+    for a, b in pairwise(keys):
         graph.add(step(a, b))
     graph.add(step(0, 50, role="loop"))
     graph.add(step(0, 60, role="loop", kernel=clew.Huber(1.0)))
@@ -162,8 +165,13 @@ def test_structure_changes_with_structure_and_not_with_values() -> None:
     seen = {graph.structure}
     graph.set_value(1, clew.SE2(5, 6, 0.5))
     assert graph.structure in seen
-    for edit in (lambda: graph.set_constant(0), lambda: graph.add(step(0, 2)), lambda: graph.remove(0),
-                 lambda: graph.remove_variable(2), lambda: graph.add_point((0, 0))):
+    for edit in (
+        lambda: graph.set_constant(0),
+        lambda: graph.add(step(0, 2)),
+        lambda: graph.remove(0),
+        lambda: graph.remove_variable(2),
+        lambda: graph.add_point((0, 0)),
+    ):
         edit()
         assert graph.structure not in seen
         seen.add(graph.structure)
@@ -193,8 +201,13 @@ def test_text_says_what_is_inside() -> None:
 
 
 @settings(max_examples=30, deadline=None)
-@given(st.lists(st.tuples(st.sampled_from(["pose", "factor", "drop factor", "drop pose"]), st.integers(0, 10**6)),
-                max_size=400), st.integers(1, 3))
+@given(
+    st.lists(
+        st.tuples(st.sampled_from(["pose", "factor", "drop factor", "drop pose"]), st.integers(0, 10**6)),
+        max_size=400,
+    ),
+    st.integers(1, 3),
+)
 def test_any_order_of_edits_agrees_with_a_plain_dictionary(edits: list[tuple[str, int]], stride: int) -> None:
     graph = FactorGraph()
     poses: dict[int, float] = {}
@@ -222,6 +235,9 @@ def test_any_order_of_edits_agrees_with_a_plain_dictionary(edits: list[tuple[str
     assert graph.keys().tolist() == list(poses)
     assert [graph.value(key).array[0] for key in poses] == list(poses.values())
     assert graph.positions(list(poses)).tolist() == list(range(len(poses)))
-    found = {int(i): tuple(pair) for ids, block in zip(graph.block_ids(), graph.blocks(), strict=True)
-             for i, pair in zip(ids, block.keys.tolist(), strict=True)}
+    found = {
+        int(i): tuple(pair)
+        for ids, block in zip(graph.block_ids(), graph.blocks(), strict=True)
+        for i, pair in zip(ids, block.keys.tolist(), strict=True)
+    }
     assert found == factors

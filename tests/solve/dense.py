@@ -5,9 +5,10 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
+
 from clew.graph import FactorGraph
 from clew.noise import Kernel
-from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
@@ -15,7 +16,7 @@ Array = NDArray[np.float64]
 def numeric_jacobian(factor: Any, row: int, position: int, values: list[Array]) -> Array:
     """Central differences along the tangent of `retract`."""
     kind = factor.kinds[position]
-    measurement = factor.measurement[row:row + 1]
+    measurement = factor.measurement[row : row + 1]
     columns = []
     for k in range(kind.dim):
         sides = []
@@ -29,7 +30,9 @@ def numeric_jacobian(factor: Any, row: int, position: int, values: list[Array]) 
     return np.stack(columns, axis=1)
 
 
-def normal_equations(graph: FactorGraph, free: list[int], robust: Kernel | None = None) -> tuple[float, Array, Array]:
+def normal_equations(
+    graph: FactorGraph, free: list[int], robust: Kernel | None = None
+) -> tuple[float, Array, Array]:
     """Cost, dense Hessian and gradient over the keys in `free`, in that order."""
     dims = [graph.kind(key).dim for key in free]
     starts = dict(zip(free, np.cumsum([0, *dims])[:-1], strict=True))
@@ -38,7 +41,7 @@ def normal_equations(graph: FactorGraph, free: list[int], robust: Kernel | None 
         kernel = block.kernel or (robust if block.role != "prior" else None)
         for row, keys in enumerate(block.keys.tolist()):
             values = [graph.value(key).array[None] for key in keys]
-            error = block.residual(*values, measurement=block.measurement[row:row + 1])[0]
+            error = block.residual(*values, measurement=block.measurement[row : row + 1])[0]
             information = block.information[row]
             s = np.array([error @ information @ error])
             cost += float(s[0] if kernel is None else kernel.rho(s)[0])
@@ -60,7 +63,7 @@ def dense_hessian(problem: Any, system: Any) -> Array:
     for block, (row, col) in enumerate(zip(pattern.rows, pattern.cols, strict=True)):
         rows = slice(pattern.starts[row], pattern.starts[row + 1])
         cols = slice(pattern.starts[col], pattern.starts[col + 1])
-        values = system.hessian[pattern.offsets[block]:pattern.offsets[block + 1]]
+        values = system.hessian[pattern.offsets[block] : pattern.offsets[block + 1]]
         out[rows, cols] = values.reshape(rows.stop - rows.start, cols.stop - cols.start)
         out[cols, rows] = out[rows, cols].T
     return out

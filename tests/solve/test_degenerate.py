@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-import clew
 import numpy as np
 import pytest
+
+import clew
 from clew.errors import InputError
 from clew.solve import Status
 
@@ -29,7 +30,9 @@ def test_a_landmark_seen_once_by_bearing_only(method: str) -> None:
     assert solution.status is Status.UNDERCONSTRAINED
     assert not solution.status.ok
     text = "\n".join(solution.diagnosis)
-    assert f"Landmark {bad} (Point2) is free along y: it has 2 coordinates, but 1 factor with 1 number" in text
+    assert (
+        f"Landmark {bad} (Point2) is free along y: it has 2 coordinates, but 1 factor with 1 number" in text
+    )
     assert f"Landmark {good}" not in text
     assert "Free directions in all: 1." in text
     assert np.isfinite(solution.values(clew.Point2).array).all()
@@ -67,7 +70,10 @@ def test_unconnected_parts_are_held_each_and_named() -> None:
     lonely = graph.add_point((7.0, 7.0))
     solution = clew.optimize(graph)
     assert solution.status is Status.CONVERGED
-    assert [(part.anchor, part.size, part.held) for part in solution.free_parts] == [(70, 2, True), (lonely, 1, True)]
+    assert [(part.anchor, part.size, part.held) for part in solution.free_parts] == [
+        (70, 2, True),
+        (lonely, 1, True),
+    ]
     assert "Nothing ties 2 variables around key 70" in str(solution)
     np.testing.assert_allclose(solution.value(71).array, (6, 5, 0), atol=1e-9)
     assert np.array_equal(solution.value(lonely).array, (7, 7))

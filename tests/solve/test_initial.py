@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from typing import Any
 
-import clew
 import numpy as np
 import pytest
+
+import clew
 from clew import _native
 from clew.solve import Status
 

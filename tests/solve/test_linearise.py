@@ -5,18 +5,27 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
-import clew
 import numpy as np
 import pytest
-from clew import _native
-from clew.solve import compile_graph
 from hypothesis import given, settings
 from hypothesis import strategies as st
+
+import clew
+from clew import _native
+from clew.solve import compile_graph
 from solve.dense import dense_hessian, normal_equations
 from solve.worlds import random_graph
 
-KERNELS = [None, clew.Huber(1.0), clew.PseudoHuber(1.0), clew.Cauchy(1.5), clew.GemanMcClure(2.0), clew.Welsch(3.0),
-           clew.Tukey(4.0), clew.DCS(1.0)]
+KERNELS = [
+    None,
+    clew.Huber(1.0),
+    clew.PseudoHuber(1.0),
+    clew.Cauchy(1.5),
+    clew.GemanMcClure(2.0),
+    clew.Welsch(3.0),
+    clew.Tukey(4.0),
+    clew.DCS(1.0),
+]
 
 
 def compare(graph: clew.FactorGraph, robust: Any = None) -> None:
@@ -33,9 +42,16 @@ def compare(graph: clew.FactorGraph, robust: Any = None) -> None:
 
 
 @settings(max_examples=25, deadline=None)
-@given(st.integers(0, 10**6), st.sampled_from([2, 3]), st.integers(1, 6), st.integers(0, 4), st.sampled_from(KERNELS))
-def test_normal_equations_agree_with_the_dense_twin(seed: int, space: int, poses: int, points: int,
-                                                    kernel: Any) -> None:
+@given(
+    st.integers(0, 10**6),
+    st.sampled_from([2, 3]),
+    st.integers(1, 6),
+    st.integers(0, 4),
+    st.sampled_from(KERNELS),
+)
+def test_normal_equations_agree_with_the_dense_twin(
+    seed: int, space: int, poses: int, points: int, kernel: Any
+) -> None:
     graph = random_graph(seed, space, poses, points, kernel)
     if points:
         graph.set_constant(graph.keys()[-1])
@@ -61,7 +77,10 @@ def test_a_factor_between_a_variable_and_itself_counts_fully() -> None:
 def test_angles_near_pi_and_zero() -> None:
     for angle in (0.0, 1e-9, 1e-4, np.pi - 1e-7, np.pi, -np.pi + 1e-7):
         flat, solid = clew.FactorGraph(), clew.FactorGraph()
-        for graph, pose in ((flat, clew.SE2(0.3, 0.1, angle)), (solid, clew.SE3.exp([0.3, 0.1, 0.2, 0, 0, angle]))):
+        for graph, pose in (
+            (flat, clew.SE2(0.3, 0.1, angle)),
+            (solid, clew.SE3.exp([0.3, 0.1, 0.2, 0, 0, angle])),
+        ):
             identity = type(pose).identity()
             a, b = graph.add_pose(identity), graph.add_pose(pose)
             graph.add(clew.Prior(a, identity, sigmas=1.0))
@@ -74,7 +93,9 @@ def test_angles_near_pi_and_zero() -> None:
             e = block.residual(*values, measurement=block.measurement)[0]
             ja, jb = (j[0] for j in block.jacobians(*values, measurement=block.measurement))
             assert chi2 == pytest.approx(4.0 * e @ e, rel=1e-9)
-            np.testing.assert_allclose(dense_hessian(problem, system)[pose.dim:, :pose.dim], 4.0 * jb.T @ ja, atol=1e-8)
+            np.testing.assert_allclose(
+                dense_hessian(problem, system)[pose.dim :, : pose.dim], 4.0 * jb.T @ ja, atol=1e-8
+            )
 
 
 @dataclass(frozen=True)
@@ -102,8 +123,15 @@ def test_a_factor_written_in_python_is_differentiated() -> None:
     def middle(a: Any, b: Any, c: Any, measurement: Any) -> Any:
         return np.sin(a[:, :2] + c[:, :2]) * b[:, 2:] - measurement
 
-    graph.add(clew.CustomFactor((keys[:-2], keys[1:-1], keys[2:]), middle, kinds=(clew.SE2,) * 3,
-                                measurement=np.full((2, 2), 0.3), sigmas=(0.5, 0.7)))
+    graph.add(
+        clew.CustomFactor(
+            (keys[:-2], keys[1:-1], keys[2:]),
+            middle,
+            kinds=(clew.SE2,) * 3,
+            measurement=np.full((2, 2), 0.3),
+            sigmas=(0.5, 0.7),
+        )
+    )
     compare(graph)
 
 
@@ -124,13 +152,30 @@ def test_native_code_checks_its_input() -> None:
     block = problem.blocks[1]
     system = problem.empty_system()
     arguments: dict[str, Any] = {
-        "kind": "between_se2", "first": problem.values()[0], "second": problem.values()[0], "sensor": None,
-        "rows": block.rows, "measurement": block.factor.measurement, "information": block.factor.information,
-        "gradient": block.gradient, "plan": block.plan, "robust": 0, "scale": 1.0, "hessian": system.hessian,
-        "gradient_values": system.gradient}
+        "kind": "between_se2",
+        "first": problem.values()[0],
+        "second": problem.values()[0],
+        "sensor": None,
+        "rows": block.rows,
+        "measurement": block.factor.measurement,
+        "information": block.factor.information,
+        "gradient": block.gradient,
+        "plan": block.plan,
+        "robust": 0,
+        "scale": 1.0,
+        "hessian": system.hessian,
+        "gradient_values": system.gradient,
+    }
     assert _native.solve.linearise(**arguments) > 0
-    for name, bad in (("rows", block.rows + 9), ("plan", block.plan + 4000), ("gradient", block.gradient + 90),
-                      ("kind", "nothing"), ("robust", 99), ("scale", 0.0),
-                      ("measurement", block.factor.measurement[:, :2].copy()), ("gradient_values", None)):
+    for name, bad in (
+        ("rows", block.rows + 9),
+        ("plan", block.plan + 4000),
+        ("gradient", block.gradient + 90),
+        ("kind", "nothing"),
+        ("robust", 99),
+        ("scale", 0.0),
+        ("measurement", block.factor.measurement[:, :2].copy()),
+        ("gradient_values", None),
+    ):
         with pytest.raises(ValueError, match=r"."):
             _native.solve.linearise(**{**arguments, name: bad})

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from typing import Any
 
-import clew
 import numpy as np
 import pytest
-from clew.errors import InputError
-from clew.solve import Progress, Status
 from hypothesis import given, settings
 from hypothesis import strategies as st
+
+import clew
+from clew.errors import InputError
+from clew.solve import Progress, Status
 from solve.dense import normal_equations
 from solve.worlds import consistent_graph
 
@@ -22,26 +23,31 @@ def square() -> clew.FactorGraph:
     graph = clew.FactorGraph()
     corners = graph.add_pose(clew.SE2.from_array([(0, 0, 0), (1.1, 0, 1.5), (1, 0.9, 3.1), (0.1, 1, -1.6)]))
     graph.add(clew.Between(corners[:3], corners[1:], clew.SE2(1, 0, np.pi / 2), sigmas=(1, 1, 0.001)))
-    graph.add(clew.Between(corners[3], corners[0], clew.SE2(1.4, 0, np.pi / 2), sigmas=(1, 1, 0.001), role="loop"))
+    graph.add(
+        clew.Between(corners[3], corners[0], clew.SE2(1.4, 0, np.pi / 2), sigmas=(1, 1, 0.001), role="loop")
+    )
     return graph
 
 
 @pytest.mark.parametrize("method", METHODS)
 @pytest.mark.parametrize("init", ["auto", "file", "tree", "rotation"])
 def test_the_error_of_a_loop_is_shared_by_its_sides(method: str, init: str) -> None:
-    # The headings are all but fixed, so each of the four displacements takes a quarter of the 0.4 m in y that are
-    # missing to a closed loop; with unit sigmas chi2 = 4 * 0.1^2.
+    # The headings are all but fixed, so each of the four displacements takes a quarter of the 0.4 m in y that
+    # are missing to a closed loop; with unit sigmas chi2 = 4 * 0.1^2.
     solution = clew.optimize(square(), method=method, init=init)
     assert solution.status is Status.CONVERGED
     assert solution.chi2 == pytest.approx(0.04, rel=1e-4)
-    np.testing.assert_allclose(solution.values().array[:, :2], [(0, 0), (1, 0.1), (1, 1.2), (0, 1.3)], atol=1e-3)
+    np.testing.assert_allclose(
+        solution.values().array[:, :2], [(0, 0), (1, 0.1), (1, 1.2), (0, 1.3)], atol=1e-3
+    )
     assert [part.anchor for part in solution.free_parts] == [0]
     assert "key 0 was held" in str(solution)
 
 
 @pytest.mark.parametrize("method", METHODS)
 def test_a_linear_problem_takes_its_weighted_mean(method: str) -> None:
-    # One point, measured at 0 with sigma 1 and at 3 with sigma 1/sqrt(2): mean 2, variance 1/3, chi2 4 + 2 * 1.
+    # One point, measured at 0 with sigma 1 and at 3 with sigma 1/sqrt(2): mean 2, variance 1/3, chi2 4 + 2 *
+    # 1.
     graph = clew.FactorGraph()
     point = graph.add_point((9.0, 9.0))
     graph.add(clew.Prior(point, clew.Point2(0, 0), sigmas=1.0))
@@ -53,9 +59,16 @@ def test_a_linear_problem_takes_its_weighted_mean(method: str) -> None:
 
 
 @settings(max_examples=15, deadline=None)
-@given(st.integers(0, 10**6), st.sampled_from([2, 3]), st.integers(2, 6), st.integers(0, 3), st.sampled_from(METHODS))
-def test_no_step_lowers_the_cost_of_a_converged_solution(seed: int, space: int, poses: int, points: int,
-                                                         method: str) -> None:
+@given(
+    st.integers(0, 10**6),
+    st.sampled_from([2, 3]),
+    st.integers(2, 6),
+    st.integers(0, 3),
+    st.sampled_from(METHODS),
+)
+def test_no_step_lowers_the_cost_of_a_converged_solution(
+    seed: int, space: int, poses: int, points: int, method: str
+) -> None:
     solution = clew.optimize(consistent_graph(seed, space, poses, points), method=method)
     assert solution.status is Status.CONVERGED
     graph = solution.graph
@@ -80,8 +93,9 @@ def test_covariances_are_the_dense_inverse(space: int) -> None:
         for key, marginal in zip(solution.keys(kind), solution.covariances(kind), strict=True):
             span = slice(starts[keys.index(key)], starts[keys.index(key) + 1])
             np.testing.assert_allclose(marginal, inverse[span, span], atol=1e-8 * np.abs(inverse).max())
-            np.testing.assert_allclose(solution.covariance(key), inverse[span, span],
-                                       atol=1e-8 * np.abs(inverse).max())
+            np.testing.assert_allclose(
+                solution.covariance(key), inverse[span, span], atol=1e-8 * np.abs(inverse).max()
+            )
 
 
 def test_a_chain_gets_less_certain_along_the_way() -> None:
@@ -93,8 +107,11 @@ def test_a_chain_gets_less_certain_along_the_way() -> None:
     graph.set_constant(keys[0])
     solution = clew.optimize(graph)
     assert solution.free_parts == ()
-    np.testing.assert_allclose(np.diag(solution.covariance(keys[4])),
-                               (4 * 0.01, 4 * 0.04 + 0.0009 * (1 + 4 + 9), 4 * 0.0009), rtol=1e-9)
+    np.testing.assert_allclose(
+        np.diag(solution.covariance(keys[4])),
+        (4 * 0.01, 4 * 0.04 + 0.0009 * (1 + 4 + 9), 4 * 0.0009),
+        rtol=1e-9,
+    )
     assert not solution.covariance(keys[0]).any()
     assert not solution.joint_covariance([keys[0], keys[4]])[:3].any()
 
@@ -169,8 +186,12 @@ def test_a_callback_sees_each_step_and_can_stop() -> None:
 
 
 def test_options_that_do_not_exist_are_named() -> None:
-    for options, message in (({"method": "newton"}, "levenberg"), ({"init": "odometry"}, "rotation"),
-                             ({"max_iterations": -1}, "negative"), ({"ordering": "magic"}, "amd")):
+    for options, message in (
+        ({"method": "newton"}, "levenberg"),
+        ({"init": "odometry"}, "rotation"),
+        ({"max_iterations": -1}, "negative"),
+        ({"ordering": "magic"}, "amd"),
+    ):
         with pytest.raises(InputError, match=message):
             clew.optimize(square(), **options)
     with pytest.raises(InputError, match="no variable with key 77"):

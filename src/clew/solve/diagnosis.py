@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from clew.geometry import SE2, SE3
 from clew.solve.gauge import Gauge
-from clew.solve.nullspace import WIDTH, flat_directions, local_directions, suspicious
+from clew.solve.nullspace import WIDTH, flat_directions, local_directions, looks_singular
 from clew.solve.posterior import Posterior
 from clew.solve.problem import Problem
 from clew.solve.search import Search
@@ -16,10 +16,15 @@ from clew.solve.status import Status
 Array = NDArray[np.float64]
 
 _SHOWN = 5
-_AXES = {2: ("x", "y", "heading"), 3: ("x", "y", "z", "rotation about x", "rotation about y", "rotation about z")}
+_AXES = {
+    2: ("x", "y", "heading"),
+    3: ("x", "y", "z", "rotation about x", "rotation about y", "rotation about z"),
+}
 
 
-def diagnose(posterior: Posterior, gauge: Gauge, status: Status, search: Search) -> tuple[Status, tuple[str, ...]]:
+def diagnose(
+    posterior: Posterior, gauge: Gauge, status: Status, search: Search
+) -> tuple[Status, tuple[str, ...]]:
     """The status after a look at what is left open, and sentences about it.
 
     Args:
@@ -34,7 +39,9 @@ def diagnose(posterior: Posterior, gauge: Gauge, status: Status, search: Search)
     if not problem.pattern.dim or status is Status.NOT_FINITE:
         return status, tuple(sentences)
     singular = status is Status.UNDERCONSTRAINED or bool(open_parts)
-    if not singular and not suspicious(problem, posterior.system, search.factor, search.damping):
+    if not singular and looks_singular(problem, posterior.system, search.factor, search.damping):
+        singular = looks_singular(problem, posterior.system, posterior.factor, 0.0)
+    if not singular:
         return status, tuple(sentences)
     flat = flat_directions(problem, posterior.system)
     if flat.shape[1]:
@@ -43,8 +50,10 @@ def diagnose(posterior: Posterior, gauge: Gauge, status: Status, search: Search)
         if flat.shape[1] > sum(len(part.directions) for part in open_parts):
             sentences += _name(problem, flat)
     elif status is Status.UNDERCONSTRAINED:
-        sentences.append("The Hessian is not positive definite although no direction is free: some information "
-                         "matrix is indefinite.")
+        sentences.append(
+            "The Hessian is not positive definite although no direction is free: some information "
+            "matrix is indefinite."
+        )
     return status, tuple(sentences)
 
 
@@ -57,8 +66,10 @@ def _name(problem: Problem, flat: Array) -> list[str]:
         what = "Pose" if kind in (SE2, SE3) else "Landmark"
         count, rows = int(factors[column]), int(residuals[column])
         if rows < kind.dim:
-            why = (f"it has {kind.dim} coordinates, but {count} factor{'s' * (count != 1)} with {rows} "
-                   f"number{'s' * (rows != 1)} in all")
+            why = (
+                f"it has {kind.dim} coordinates, but {count} factor{'s' * (count != 1)} with {rows} "
+                f"number{'s' * (rows != 1)} in all"
+            )
             cure = "add another measurement of it, or a Prior"
         else:
             why = f"its {count} factors do not see this"

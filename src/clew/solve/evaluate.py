@@ -30,7 +30,8 @@ KERNELS = {
 
 @dataclass(frozen=True, eq=False)
 class System:
-    """The normal equations ``H step = -g``: values of the block Hessian and the gradient, without one half."""
+    """The normal equations ``H step = -g``: values of the block Hessian and the gradient, without one
+    half."""
 
     hessian: Array
     gradient: Array
@@ -71,34 +72,69 @@ class CompiledBlock:
             return self._native(name, values, robust, scale, hessian, gradient)
         arrays = [values[table][self.rows[:, p]] for p, table in enumerate(self.tables)]
         if system is None:
-            residual = np.ascontiguousarray(self.factor.residual(*arrays, measurement=self.factor.measurement))
+            residual = np.ascontiguousarray(
+                self.factor.residual(*arrays, measurement=self.factor.measurement)
+            )
             jacobians = [np.zeros((*residual.shape, kind.dim)) for kind in self.factor.kinds]
         else:
             error, derivatives = differentiate(self.factor, arrays)
             residual, jacobians = np.ascontiguousarray(error), [np.ascontiguousarray(j) for j in derivatives]
         information, cost = self.factor.information, 0.0
-        if kernel is not None and not known:  # a loss written in Python: weigh here, accumulate without a loss
+        if (
+            kernel is not None and not known
+        ):  # a loss written in Python: weigh here, accumulate without a loss
             s = np.einsum("mi,mij,mj->m", residual, information, residual)
             cost = float(kernel.rho(s).sum())
             information = kernel.weight(s)[:, None, None] * information
             robust, scale = 0, 1.0
-        total = _native.solve.accumulate(residual, jacobians, information, self.gradient, self.plan, robust, scale,
-                                         hessian, gradient)
+        total = _native.solve.accumulate(
+            residual, jacobians, information, self.gradient, self.plan, robust, scale, hessian, gradient
+        )
         return cost if kernel is not None and not known else total
 
-    def _native(self, name: str, values: list[Array], robust: int, scale: float, hessian: Array | None,
-                gradient: Array | None) -> float:
+    def _native(
+        self,
+        name: str,
+        values: list[Array],
+        robust: int,
+        scale: float,
+        hessian: Array | None,
+        gradient: Array | None,
+    ) -> float:
         factor = self.factor
         sensor = None if factor.T_robot_sensor is None else np.ascontiguousarray(factor.T_robot_sensor)
         if len(factor.kinds) == 2:
             first, second = (values[table] for table in self.tables)
-            return _native.solve.linearise(name, first, second, sensor, self.rows, factor.measurement,
-                                           factor.information, self.gradient, self.plan, robust, scale,
-                                           hessian, gradient)
+            return _native.solve.linearise(
+                name,
+                first,
+                second,
+                sensor,
+                self.rows,
+                factor.measurement,
+                factor.information,
+                self.gradient,
+                self.plan,
+                robust,
+                scale,
+                hessian,
+                gradient,
+            )
         count, kind = len(factor), factor.kinds[0]
         fixed = np.zeros((count, 1), np.int32)
         nowhere = np.full((count, 2), -1, np.int64)
-        return _native.solve.linearise(name, kind.identity((1,)).array, values[self.tables[0]], None,
-                                       np.hstack([fixed, self.rows]), factor.measurement, factor.information,
-                                       np.hstack([fixed - 1, self.gradient]), np.hstack([nowhere, self.plan]),
-                                       robust, scale, hessian, gradient)
+        return _native.solve.linearise(
+            name,
+            kind.identity((1,)).array,
+            values[self.tables[0]],
+            None,
+            np.hstack([fixed, self.rows]),
+            factor.measurement,
+            factor.information,
+            np.hstack([fixed - 1, self.gradient]),
+            np.hstack([nowhere, self.plan]),
+            robust,
+            scale,
+            hessian,
+            gradient,
+        )

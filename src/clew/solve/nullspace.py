@@ -15,6 +15,7 @@ Array = NDArray[np.float64]
 #: Most directions that are looked for.
 WIDTH = 8
 _SHIFT = 1e-9  # of the diagonal, to make a singular Hessian invertible
+_ROUNDING = 1e-13  # of a diagonal entry, left in a pivot that should be zero
 _FLAT = 1e-12  # eigenvalue relative to the diagonal that counts as zero
 
 
@@ -25,25 +26,24 @@ def scale_of(problem: Problem, system: System) -> Array:
     return scale
 
 
-def suspicious(problem: Problem, system: System, factor: Factor | None, damping: float) -> bool:
-    """Whether the last factorisation of a solve looks singular; costs one triangular solve.
+def looks_singular(problem: Problem, system: System, factor: Factor | None, damping: float) -> bool:
+    """Whether a factor of the Hessian plus `damping` times its diagonal leaves room for a singular Hessian.
 
-    The inverse of a singular matrix with a little damping blows up any vector by about one over the damping.
+    Along a direction that nothing constrains, a pivot shrinks to the damping, or to rounding; unless the
+    diagonal itself is zero there, to rounding.
     """
     if factor is None or factor.status is not FactorStatus.OK:
         return True
-    scale = scale_of(problem, system)
-    generator = np.random.default_rng(0)
-    probe = generator.choice([-1.0, 1.0], problem.pattern.dim) * generator.uniform(0.5, 1.5, problem.pattern.dim)
-    growth = float(np.abs(scale * factor.solve(scale * probe)).max(initial=0.0))
-    return not growth < min(1e10, 1e-2 / max(damping, 1e-300))
+    diagonal = system.hessian[problem.diagonal]
+    empty = diagonal.min(initial=np.inf) < _ROUNDING * diagonal.max(initial=0.0)
+    return bool(empty) or factor.min_pivot < max(_ROUNDING, 100.0 * damping)
 
 
 def flat_directions(problem: Problem, system: System) -> Array:
     """Null space of the Hessian, ``(dim, k)`` with k up to `WIDTH`, orthonormal in units of the diagonal.
 
-    Inverse subspace iteration on the scaled Hessian with a small shift, then Rayleigh-Ritz (Golub and Van Loan,
-    "Matrix Computations", 2013, sections 8.2 and 8.3).
+    Inverse subspace iteration on the scaled Hessian with a small shift, then Rayleigh-Ritz (Golub and Van
+    Loan, "Matrix Computations", 2013, sections 8.2 and 8.3).
     """
     scale = scale_of(problem, system)
     factor = problem.symbolic.factorize(system.hessian, damping=_SHIFT * scale**2)
@@ -72,7 +72,7 @@ def local_directions(problem: Problem, flat: Array) -> list[tuple[int, Array]]:
     for column in np.argsort(-reach, kind="stable"):
         if reach[column] < 1e-2 * reach.max():
             break
-        directions, sizes, _ = np.linalg.svd(flat[starts[column]:starts[column + 1]])
+        directions, sizes, _ = np.linalg.svd(flat[starts[column] : starts[column + 1]])
         sizes = np.pad(sizes, (0, len(directions) - len(sizes)))
         found.append((int(column), directions[:, sizes > 1e-2 * reach.max()].T))
     return found

@@ -19,6 +19,7 @@ Array = NDArray[np.float64]
 
 _RESTING_DAMPING = 1e-12
 _WORKING_DAMPING = 1e-6
+_LEAP = 1e3  # from rest to work in two steps
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,10 +91,10 @@ class GaussNewton:
 class LevenbergMarquardt:
     """Gauss-Newton, damped by a multiple of the Hessian's diagonal (Marquardt 1963).
 
-    The damping follows the gain ratio (Nielsen 1999, "Damping parameter in Marquardt's method", eq. 2.5). Long chains
-    of poses have eigenvalues that are tiny beside the diagonal, and any visible damping makes them crawl; so the
-    damping rests at a value that only guards against rounding, jumps to a useful one when a step fails, and relaxes
-    to rest once steps succeed.
+    The damping follows the gain ratio (Nielsen 1999, "Damping parameter in Marquardt's method", eq. 2.5).
+    Long chains of poses have eigenvalues that are tiny beside the diagonal, and any visible damping makes
+    them crawl; so the damping rests at a value that only guards against rounding, leaps to useful ones when a
+    step fails, and relaxes as steps succeed.
     """
 
     damping: float = _RESTING_DAMPING
@@ -122,16 +123,14 @@ class LevenbergMarquardt:
         """Accept a decrease; trust the model more or less according to the gain ratio."""
         gain = decrease / step.predicted if step.predicted > 0 else -1.0
         if np.isfinite(gain) and gain > 0:
-            self.damping *= max(0.1, 1.0 - (2.0 * gain - 1.0) ** 3)
-            if self.damping < _WORKING_DAMPING:
-                self.damping = _RESTING_DAMPING
+            self.damping = max(self.damping * max(0.1, 1.0 - (2.0 * gain - 1.0) ** 3), _RESTING_DAMPING)
             self.growth = 2.0
             return True
         self._raise()
         return False
 
     def _raise(self) -> None:
-        self.damping = max(self.damping * self.growth, _WORKING_DAMPING)
+        self.damping *= _LEAP if self.damping < _WORKING_DAMPING else self.growth
         self.growth *= 2.0
 
     @property
@@ -208,7 +207,9 @@ def multiply(problem: Problem, system: System, vector: Array) -> Array:
     for shape in np.unique(shapes):
         mine = np.flatnonzero(shapes == shape)
         height, width = int(shape) // 64, int(shape) % 64
-        values = system.hessian[pattern.offsets[mine, None] + np.arange(height * width)].reshape(-1, height, width)
+        values = system.hessian[pattern.offsets[mine, None] + np.arange(height * width)].reshape(
+            -1, height, width
+        )
         row = pattern.starts[pattern.rows[mine], None] + np.arange(height)
         col = pattern.starts[pattern.cols[mine], None] + np.arange(width)
         np.add.at(out, row, np.einsum("mij,mj->mi", values, vector[col]))

@@ -17,7 +17,7 @@ from clew.geometry import (
     local_jacobians,
 )
 from clew.geometry.differentiate import seed
-from clew.testing.numeric import REGIMES, numeric_jacobian, random_elements, random_tangents
+from clew.testing.numeric import REGIMES, numeric_jacobian, random_elements, random_tangents, require
 
 Array = NDArray[np.float64]
 Law = Callable[[type[Manifold], tuple[int, ...], np.random.Generator, str], None]
@@ -38,8 +38,10 @@ def closure(kind: type[Manifold], shape: tuple[int, ...], rng: np.random.Generat
     a, b = (random_elements(kind, shape, rng, regime) for _ in range(2))
     u = random_tangents(kind, shape, rng, regime)
     for result in (f.compose(a, b), f.inverse(a), f.between(a, b), f.exp(u), f.retract(a, u)):
-        assert result.shape == (*shape, kind.storage), f"{kind.name}: wrong shape {result.shape}"
-        _close(result, f.canonical(result), f"{kind.name}: the result of an operation is not canonical", 1e-14)
+        require(result.shape == (*shape, kind.storage), f"{kind.name}: wrong shape {result.shape}")
+        _close(
+            result, f.canonical(result), f"{kind.name}: the result of an operation is not canonical", 1e-14
+        )
 
 
 def identity(kind: type[Manifold], shape: tuple[int, ...], rng: np.random.Generator, regime: str) -> None:
@@ -60,14 +62,20 @@ def inverse(kind: type[Manifold], shape: tuple[int, ...], rng: np.random.Generat
     _same(kind, f.between(a, b), f.compose(f.inverse(a), b), "between(a, b) = a^-1 b")
 
 
-def associativity(kind: type[Manifold], shape: tuple[int, ...], rng: np.random.Generator, regime: str) -> None:
+def associativity(
+    kind: type[Manifold], shape: tuple[int, ...], rng: np.random.Generator, regime: str
+) -> None:
     """``(a b) c = a (b c)``, also on points, and matrices multiply alike."""
     f = kind.functions
     a, b, c = (random_elements(kind, shape, rng, regime) for _ in range(3))
     _same(kind, f.compose(f.compose(a, b), c), f.compose(a, f.compose(b, c)), "(a b) c = a (b c)")
     points = rng.normal(size=(*shape, kind.space))
     _close(f.act(f.compose(a, b), points), f.act(a, f.act(b, points)), f"{kind.name}: (a b) p = a (b p)")
-    _close(f.matrix(f.compose(a, b)), f.matrix(a) @ f.matrix(b), f"{kind.name}: matrix(a b) = matrix(a) matrix(b)")
+    _close(
+        f.matrix(f.compose(a, b)),
+        f.matrix(a) @ f.matrix(b),
+        f"{kind.name}: matrix(a b) = matrix(a) matrix(b)",
+    )
 
 
 def exponential(kind: type[Manifold], shape: tuple[int, ...], rng: np.random.Generator, regime: str) -> None:
@@ -82,7 +90,7 @@ def exponential(kind: type[Manifold], shape: tuple[int, ...], rng: np.random.Gen
         _close(f.log(f.exp(u)) / np.abs(u).max(), u / np.abs(u).max(), f"{kind.name}: log(exp(u)) = u", 1e-9)
     turn = kind.rotation_dim
     angle = np.linalg.norm(f.log(a)[..., kind.dim - turn :], axis=-1)
-    assert np.all(angle <= np.pi + 1e-12), f"{kind.name}: log gives a rotation of more than half a turn"
+    require(np.all(angle <= np.pi + 1e-12), f"{kind.name}: log gives a rotation of more than half a turn")
 
 
 def chart(kind: type[Manifold], shape: tuple[int, ...], rng: np.random.Generator, regime: str) -> None:
@@ -104,7 +112,13 @@ def adjoint(kind: type[Manifold], shape: tuple[int, ...], rng: np.random.Generat
     f = kind.functions
     a, u = random_elements(kind, shape, rng, regime), random_tangents(kind, shape, rng, regime)
     turned = (f.adjoint(a) @ u[..., None])[..., 0]
-    _same(kind, f.compose(f.compose(a, f.exp(u)), f.inverse(a)), f.exp(turned), "a exp(u) a^-1 = exp(Ad u)", 1e-10)
+    _same(
+        kind,
+        f.compose(f.compose(a, f.exp(u)), f.inverse(a)),
+        f.exp(turned),
+        "a exp(u) a^-1 = exp(Ad u)",
+        1e-10,
+    )
 
 
 def jacobians(kind: type[Manifold], shape: tuple[int, ...], rng: np.random.Generator, regime: str) -> None:
@@ -113,7 +127,9 @@ def jacobians(kind: type[Manifold], shape: tuple[int, ...], rng: np.random.Gener
     a, b = random_elements(kind, shape, rng, regime), random_elements(kind, shape, rng)
     points = rng.normal(size=(*shape, kind.space))
 
-    def check(operation: Callable[[Any], Array], at: Array, claimed: Array, law: str, flat: bool = False) -> None:
+    def check(
+        operation: Callable[[Any], Array], at: Array, claimed: Array, law: str, flat: bool = False
+    ) -> None:
         base = operation(at)
 
         def change(delta: Array) -> Array:
@@ -146,22 +162,28 @@ def duals(kind: type[Manifold], shape: tuple[int, ...], rng: np.random.Generator
     a, b = random_elements(kind, (count,), rng, regime), random_elements(kind, (count,), rng)
     points = rng.normal(size=(count, kind.space))
 
-    def check(operation: Callable[[Any], Any], at: Array, claimed: Array, law: str, element: bool = True) -> None:
+    def check(
+        operation: Callable[[Any], Any], at: Array, claimed: Array, law: str, element: bool = True
+    ) -> None:
         result = operation(seed(kind, at))
         _close(result.value, operation(at), f"{kind.name}: value of a dual array through {law}", 1e-13)
         expected = f.tangent_basis(result.value) @ claimed if element else claimed
         derivative = np.moveaxis(result.tangents, 0, -1)
         _close(derivative, expected, f"{kind.name}: derivative of a dual array through {law}", 1e-9)
 
-    by_a, by_b = compose_jacobians(kind, a, b)
-    check(lambda x: f.compose(x, b), a, by_a, "compose")
+    check(lambda x: f.compose(x, b), a, compose_jacobians(kind, a, b)[0], "compose")
     check(lambda x: f.compose(b, f.compose(f.inverse(b), x)), a, compose_jacobians(kind, a, a)[1], "b b^-1 x")
     check(f.inverse, a, inverse_jacobian(kind, a), "inverse")
     check(lambda x: f.between(x, b), a, between_jacobians(kind, a, b)[0], "between")
     check(lambda x: f.between(a, x), b, between_jacobians(kind, a, b)[1], "between")
     check(lambda x: f.act(x, points), a, act_jacobians(kind, a, points)[0], "act", element=False)
     check(lambda x: f.local(b, x), a, local_jacobians(kind, b, a)[1], "local", element=False)
-    check(lambda x: f.exp(f.log(x)), a, np.broadcast_to(np.eye(kind.dim), (count, kind.dim, kind.dim)), "exp(log)")
+    check(
+        lambda x: f.exp(f.log(x)),
+        a,
+        np.broadcast_to(np.eye(kind.dim), (count, kind.dim, kind.dim)),
+        "exp(log)",
+    )
 
 
 LAWS: dict[str, Law] = {

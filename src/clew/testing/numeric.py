@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,8 +12,14 @@ from clew.geometry import Manifold
 
 Array = NDArray[np.float64]
 
-#: How elements are drawn: anywhere, close to the identity, and around half a turn, where formulas change branch.
+#: How elements are drawn: anywhere, and where formulas change branch, near the identity and half a turn.
 REGIMES = ("generic", "1e-7 from identity", "1e-12 from identity", "1e-7 from pi", "pi")
+
+
+def require(condition: Any, message: str) -> None:
+    """Raise `AssertionError` unless a condition holds; unlike ``assert`` also under ``python -O``."""
+    if not condition:
+        raise AssertionError(message)
 
 
 def numeric_jacobian(function: Callable[[Array], Array], dim: int, step: float = 1e-4) -> Array:
@@ -38,14 +45,14 @@ def random_tangents(
     if turn:
         axis = rng.normal(size=(*shape, turn))
         axis /= np.linalg.norm(axis, axis=-1, keepdims=True)
-        angle = {
+        angles: dict[str, Any] = {
             "generic": rng.uniform(0.0, np.pi, size=(*shape, 1)),
             "1e-7 from identity": 1e-7,
             "1e-12 from identity": 1e-12,
             "1e-7 from pi": np.pi - 1e-7,
             "pi": np.pi,
-        }[regime]
-        tangent[..., kind.dim - turn :] = angle * axis
+        }
+        tangent[..., kind.dim - turn :] = angles[regime] * axis
     if regime.endswith("identity"):
         tangent[..., : kind.dim - turn] *= 1e-7
     return tangent
