@@ -113,6 +113,43 @@ def test_time_order_and_odometry_before_its_scan(tmp_path: Path) -> None:
     assert [o.T_odom_robot[0] for o in odometry(log)] == [1, 2.5, 2, 3, 4]
 
 
+def test_order_of_recording_where_it_is_the_smoother_one(tmp_path: Path) -> None:
+    late = [1.0, 2.0, 5.5, 4.0, 5.0, 3.5]  # the robot drives on, the recorder stamps some late
+    lines = [flaser(t, [1.0] * 180, robot=(i, 0, 0)) for i, t in enumerate(late)]
+    path = write(tmp_path, *lines, odom(5.6, (6, 0, 0)))
+
+    def seen(order: str) -> list[float]:
+        return [float(o.T_odom_robot[0]) for o in odometry(open_log(path, order=order))]
+
+    assert seen("time") == [0, 1, 5, 3, 4, 2, 6]
+    assert seen("recorded") == seen("auto") == [0, 1, 2, 3, 4, 5, 6]
+    log = open_log(path, order="auto")
+    assert [s.timestamp for s in scans(log)] == late
+    assert log.duration == 4.5
+    shuffled = write(tmp_path, *(lines[i] for i in (3, 0, 5, 1, 4, 2)))
+    log = open_log(shuffled, order="recorded")
+    assert [s.timestamp for s in scans(log)] == [4.0, 1.0, 3.5, 2.0, 5.0, 5.5]
+    mixed = [flaser(float(i), [1.0] * 180, robot=(i, 0, 0)) for i in (3, 0, 5, 1, 4, 2)]
+    stamped = write(tmp_path, *mixed)
+    assert [s.timestamp for s in scans(open_log(stamped, order="auto"))] == [0, 1, 2, 3, 4, 5]
+    with pytest.raises(InputError, match="choose one of time, recorded, auto"):
+        open_log(path, order="random")
+
+
+def test_the_intel_log_was_recorded_in_the_true_order() -> None:
+    path = DATA / "lidar" / "intel.clf.bz2"
+    if not path.exists():
+        pytest.skip(f"needs the real log {path}")
+
+    def length(order: str) -> float:
+        pairs = itertools.pairwise(open_log(path, order=order).measurements())
+        poses = [a.T_odom_robot for a, b in pairs if isinstance(a, Odometry) and isinstance(b, LaserScan)]
+        return float(np.sum(np.linalg.norm(np.diff(np.array(poses)[:, :2], axis=0), axis=1)))
+
+    assert length("auto") == pytest.approx(508.35, abs=0.1)
+    assert length("time") > 650
+
+
 def test_duplicates_are_dropped_and_counted(tmp_path: Path) -> None:
     one, other = flaser(2.0, [1.0] * 180), flaser(2.0, [1.5] * 180)
     log = open_log(write(tmp_path, one, odom(2.0), one, other, odom(5.0), odom(5.0), one))
