@@ -27,9 +27,9 @@ def open_log(path: str | PathLike[str], *, scan_topic: str | None = None,
         scan_topic: topic of the laser scans of a bag; by default ``/scan``, else the first of their type.
         odometry_topic: topic of the odometry of a bag; by default ``/odom``, else the first of their type.
         order: ``"time"`` yields measurements in the order of their timestamps, ``"recorded"`` as they stand
-            in the file, ``"auto"`` in the one of the two in which the odometry's path is shorter. Some recorders
-            stamped late: in the Intel log the file's order is the true one (508 m; sorted by time the path
-            zigzags over 661 m). Timestamps are never changed, so they step back in such an order.
+            in the file, ``"auto"`` in the one of the two in which the odometry's path is shorter. Some
+            recorders stamped late: in the Intel log the file's order is the true one (508 m; sorted by time
+            it zigzags over 661 m). Timestamps are never changed, so they step back in such an order.
 
     Raises:
         InputError: the file is missing, unreadable, of another kind, mostly damaged, or without a scan; or a
