@@ -83,22 +83,22 @@ double between_se2(const Block& b, const double* x, const double* y, const doubl
 double between_se3(const Block& b, const double* x, const double* y, const double*) {
     return CLEW_DISPATCH(between_se3)(b, x, y);
 }
-double point_se2(const Block& b, const double* x, const double* y, const double* sensor) {
-    return CLEW_DISPATCH(point_se2)(b, x, y, sensor);
+double point_observation_2d(const Block& b, const double* x, const double* y, const double* sensor) {
+    return CLEW_DISPATCH(point_observation_2d)(b, x, y, sensor);
 }
-double point_se3(const Block& b, const double* x, const double* y, const double* sensor) {
-    return CLEW_DISPATCH(point_se3)(b, x, y, sensor);
+double point_observation_3d(const Block& b, const double* x, const double* y, const double* sensor) {
+    return CLEW_DISPATCH(point_observation_3d)(b, x, y, sensor);
 }
-double range_bearing_se2(const Block& b, const double* x, const double* y, const double* sensor) {
-    return CLEW_DISPATCH(range_bearing_se2)(b, x, y, sensor);
+double range_bearing_2d(const Block& b, const double* x, const double* y, const double* sensor) {
+    return CLEW_DISPATCH(range_bearing_2d)(b, x, y, sensor);
 }
 
 Kind kind_of(const std::string& name) {
     if (name == "between_se2") return {3, 3, 3, 3, 3, 3, between_se2};
     if (name == "between_se3") return {6, 6, 6, 7, 7, 7, between_se3};
-    if (name == "point_se2") return {2, 3, 2, 3, 2, 2, point_se2};
-    if (name == "point_se3") return {3, 6, 3, 7, 3, 3, point_se3};
-    if (name == "range_bearing_se2") return {2, 3, 2, 3, 2, 2, range_bearing_se2};
+    if (name == "point_observation_2d") return {2, 3, 2, 3, 2, 2, point_observation_2d};
+    if (name == "point_observation_3d") return {3, 6, 3, 7, 3, 3, point_observation_3d};
+    if (name == "range_bearing_2d") return {2, 3, 2, 3, 2, 2, range_bearing_2d};
     throw std::invalid_argument("no kernel is named " + name);
 }
 

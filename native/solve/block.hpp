@@ -34,10 +34,12 @@ struct Block {
 CLEW_DECLARE(
     double between_se2(const clew::solve::Block& block, const double* from, const double* to);
     double between_se3(const clew::solve::Block& block, const double* from, const double* to);
-    double point_se2(const clew::solve::Block& block, const double* poses, const double* points, const double* sensor);
-    double point_se3(const clew::solve::Block& block, const double* poses, const double* points, const double* sensor);
-    double range_bearing_se2(const clew::solve::Block& block, const double* poses, const double* points,
-                             const double* sensor);
+    double point_observation_2d(const clew::solve::Block& block, const double* poses, const double* points,
+                                const double* sensor);
+    double point_observation_3d(const clew::solve::Block& block, const double* poses, const double* points,
+                                const double* sensor);
+    double range_bearing_2d(const clew::solve::Block& block, const double* poses, const double* points,
+                            const double* sensor);
     double accumulate(const clew::solve::Block& block, int arity, int residual_dim, const int* dims,
                       const double* residual, const double* const* jacobians);
     void retract_se2(int64_t count, const double* values, const int32_t* offsets, const double* delta, double* out);

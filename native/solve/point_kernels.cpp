@@ -125,15 +125,15 @@ struct PointSE3 {
 
 }  // namespace
 
-double point_se2(const Block& block, const double* poses, const double* points, const double* sensor) {
+double point_observation_2d(const Block& block, const double* poses, const double* points, const double* sensor) {
     return linearise<2, 3, 2>(block, PointSE2{block, poses, points, SensorSE2(sensor)});
 }
 
-double range_bearing_se2(const Block& block, const double* poses, const double* points, const double* sensor) {
+double range_bearing_2d(const Block& block, const double* poses, const double* points, const double* sensor) {
     return linearise<2, 3, 2>(block, RangeBearingSE2{block, poses, points, SensorSE2(sensor)});
 }
 
-double point_se3(const Block& block, const double* poses, const double* points, const double* sensor) {
+double point_observation_3d(const Block& block, const double* poses, const double* points, const double* sensor) {
     return linearise<3, 6, 3>(block, PointSE3(block, poses, points, sensor));
 }
 

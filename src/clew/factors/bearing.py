@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -22,6 +22,8 @@ class Bearing(SensorView):
     with ``q`` as in `RangeBearing`. Jacobian by ``q``: ``(-q_y, q_x) / (q_x^2 + q_y^2)``, times those of
     `PointObservation`. Measurement: ``(bearing,)`` or ``(bearing, elevation)``, radians.
     """
+
+    native: ClassVar[str | None] = "bearing"
 
     def __init__(
         self,
@@ -61,7 +63,6 @@ class Bearing(SensorView):
             pose, point, read_columns("Bearing", **columns), 1 + len(columns), T_robot_sensor,
             sigmas=sigmas, information=information, covariance=covariance, kernel=kernel, role=role,
         )  # fmt: skip
-        self.native = "bearing_2d" if elevation is None else None
 
     def predict(self, q: Array) -> Array:
         """Direction, ``(M, space - 1)``."""

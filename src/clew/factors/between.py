@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import ClassVar
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -20,6 +22,8 @@ class Between(Measured):
     Jacobians: ``D = diag(R_z^T R_a^T R_b, J_r^-1(e_rotation))`` by ``b``, ``-D Ad(b^-1 a)`` by ``a``.
     Measurement: ``(x, y, theta)`` or ``(x, y, z, qx, qy, qz, qw)``.
     """
+
+    native: ClassVar[str | None] = "between"
 
     def __init__(
         self,
@@ -53,7 +57,6 @@ class Between(Measured):
             read_keys((a, b), "Between"), (kind, kind), array, kind.dim,
             sigmas=sigmas, information=information, covariance=covariance, kernel=kernel, role=role,
         )  # fmt: skip
-        self.native = f"between_{kind.name.lower()}"
 
     def residual(self, *values: Array, measurement: Array) -> Array:
         """``local(z, a^-1 b)``, ``(M, dim)``."""

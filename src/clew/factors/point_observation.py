@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -23,6 +23,8 @@ class PointObservation(SensorView):
     Jacobians: ``[-I, [q]x] Ad(T_robot_sensor^-1)`` by the pose (in the plane the last column is
     ``(q_y, -q_x)``), ``R^T`` by the landmark. Measurement: ``(x, y)`` or ``(x, y, z)``, metres.
     """
+
+    native: ClassVar[str | None] = "point"
 
     def __init__(
         self,
@@ -59,7 +61,6 @@ class PointObservation(SensorView):
             pose, point, array, kind.space, T_robot_sensor,
             sigmas=sigmas, information=information, covariance=covariance, kernel=kernel, role=role,
         )  # fmt: skip
-        self.native = f"point_observation_{kind.space}d"
 
     def predict(self, q: Array) -> Array:
         """``q``, ``(M, space)``, metres."""

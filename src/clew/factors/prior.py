@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -23,6 +23,8 @@ class Prior(Measured):
     Jacobian: ``diag(R_z^T R, J_r^-1(Log(R_z^T R)))`` for poses, the identity for points.
     Measurement: the storage of the value.
     """
+
+    native: ClassVar[str | None] = "prior"
 
     def __init__(
         self,
@@ -59,7 +61,6 @@ class Prior(Measured):
             read_keys((key,), "Prior"), (kind,), array, kind.dim,
             sigmas=sigmas, information=information, covariance=covariance, kernel=kernel, role=role,
         )  # fmt: skip
-        self.native = f"prior_{kind.name.lower()}"
 
     def residual(self, *values: Array, measurement: Array) -> Array:
         """``local(z, x)``, ``(M, dim)``."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -22,6 +22,8 @@ class Range(SensorView):
     Residual: ``|q| - range`` with ``q`` as in `RangeBearing`. Jacobian by ``q``: ``q^T / |q|``, times those
     of `PointObservation`. Measurement: ``(range,)``, metres.
     """
+
+    native: ClassVar[str | None] = "range"
 
     def __init__(
         self,
@@ -60,7 +62,6 @@ class Range(SensorView):
             pose, point, read_columns("Range", range=range), space, T_robot_sensor,
             sigmas=sigmas, information=information, covariance=covariance, kernel=kernel, role=role,
         )  # fmt: skip
-        self.native = "range_2d" if space == 2 else None
 
     def predict(self, q: Array) -> Array:
         """Distance, ``(M, 1)``."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -31,6 +31,8 @@ class RangeBearing(SensorView):
     ``(-q_y, q_x) / (q_x^2 + q_y^2)``, times those of `PointObservation`.
     Measurement: ``(range, bearing)`` or ``(range, bearing, elevation)``, metres and radians.
     """
+
+    native: ClassVar[str | None] = "range_bearing"
 
     def __init__(
         self,
@@ -72,7 +74,6 @@ class RangeBearing(SensorView):
             pose, point, read_columns("RangeBearing", **columns), len(columns), T_robot_sensor,
             sigmas=sigmas, information=information, covariance=covariance, kernel=kernel, role=role,
         )  # fmt: skip
-        self.native = "range_bearing_2d" if elevation is None else None
 
     def predict(self, q: Array) -> Array:
         """Range and direction, ``(M, space)``."""

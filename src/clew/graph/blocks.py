@@ -19,7 +19,8 @@ _PER_MEASUREMENT = ("keys", "measurement", "information")
 
 
 def signature(factor: Factor) -> Hashable:
-    """What two factors must have in common to share a block: everything but keys, measurement and information."""
+    """What two factors must have in common to share a block: everything but keys, measurement and
+    information."""
     shared: list[Hashable] = [type(factor), factor.measurement.shape[1:], factor.information.shape[1:]]
     for name, value in vars(factor).items():
         if name in _PER_MEASUREMENT:

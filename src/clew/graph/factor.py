@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from enum import Enum
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -42,8 +42,10 @@ class Factor(ABC):
         kernel: robust kernel of the block or None.
         role: what the measurements stand for.
         T_robot_sensor: storage of the sensor's pose on the robot, ``(storage,)``, or None for the identity.
-        native: name of the built-in linearisation kernel (native/solve), or None for a factor without one.
     """
+
+    #: Name of the model for `native/solve`, which with `kinds` finds its kernel; None: plain Python.
+    native: ClassVar[str | None] = None
 
     keys: Keys
     kinds: tuple[type[Any], ...]
@@ -52,7 +54,6 @@ class Factor(ABC):
     kernel: Kernel | None
     role: Role
     T_robot_sensor: Array | None = None
-    native: str | None = None
 
     @property
     def residual_dim(self) -> int:

@@ -9,13 +9,13 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from clew.errors import InputError
-from clew.geometry import SE2, SE3, Point2, Point3
+from clew.geometry import SE2, SE3, Manifold, Point2, Point3
 from clew.graph.blocks import FactorTable, signature
 from clew.graph.factor import Factor, Role
 from clew.graph.growing import Growing
 from clew.graph.index import KeyIndex, as_keys
 from clew.graph.summary import summarise
-from clew.graph.variables import VariableTable, Variables
+from clew.graph.variables import Variables, VariableTable
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
@@ -27,9 +27,10 @@ POINTS = (Point2, Point3)
 class FactorGraph:
     """Variables and the factors between them, growing and shrinking at will.
 
-    Variables of one kind (`SE2`, `SE3`, `Point2`, `Point3`) are rows of one array; factors of one kind, role, robust
-    kernel and sensor offset are rows of one block, whether they came one by one or a thousand at once. A variable is
-    known by its key, an integer: the next free one, or one that you choose (say, the vertex id of a file).
+    Variables of one kind (`SE2`, `SE3`, `Point2`, `Point3`) are rows of one array; factors of one kind, role,
+    robust kernel and sensor offset are rows of one block, whether they came one by one or a thousand at once.
+    A variable is known by its key, an integer: the next free one, or one that you choose (say, the vertex id
+    of a file).
 
     ``len(graph)`` is the number of variables; ``key in graph`` asks for one.
     """
@@ -46,7 +47,8 @@ class FactorGraph:
         self._id_row: Growing[np.int64] = Growing((), np.int64)
         self._structure = 0
 
-    # --- variables -------------------------------------------------------------------------------------------
+    # --- variables
+    # -------------------------------------------------------------------------------------------
 
     def add_pose(self, pose: SE2 | SE3, *, key: ArrayLike | None = None, constant: bool = False) -> Any:
         """Add one pose or a batch of poses with their initial values.
@@ -63,15 +65,19 @@ class FactorGraph:
             InputError: not a pose, a value that is not finite, a key in use.
         """
         if type(pose) not in POSES:
-            raise InputError(f"add_pose takes SE2 or SE3, not {type(pose).__name__}; for landmarks use add_point")
+            raise InputError(
+                f"add_pose takes SE2 or SE3, not {type(pose).__name__}; for landmarks use add_point"
+            )
         return self._add(type(pose), pose.array, key, constant)
 
-    def add_point(self, point: Point2 | Point3 | ArrayLike, *, key: ArrayLike | None = None,
-                  constant: bool = False) -> Any:
+    def add_point(
+        self, point: Point2 | Point3 | ArrayLike, *, key: ArrayLike | None = None, constant: bool = False
+    ) -> Any:
         """Add one point (a landmark) or a batch of points; as `add_pose`.
 
         Args:
-            point: `Point2`, `Point3` or coordinates, ``(2,)`` or ``(3,)``, or ``(N, 2)`` or ``(N, 3)`` for a batch.
+            point: `Point2`, `Point3` or coordinates, ``(2,)`` or ``(3,)``, or ``(N, 2)`` or ``(N, 3)`` for a
+                batch.
             key: the key or keys; by default the next free ones.
             constant: hold the value fixed while optimising.
         """
@@ -82,8 +88,10 @@ class FactorGraph:
         except (TypeError, ValueError):
             array = np.empty(0)
         if array.ndim not in (1, 2) or array.shape[-1] not in (2, 3):
-            raise InputError(f"add_point takes (x, y) or (x, y, z) or a batch of them, not {type(point).__name__} "
-                             f"of shape {array.shape}")
+            raise InputError(
+                f"add_point takes (x, y) or (x, y, z) or a batch of them, not {type(point).__name__} "
+                f"of shape {array.shape}"
+            )
         return self._add(Point2 if array.shape[-1] == 2 else Point3, array, key, constant)
 
     def _add(self, kind: type[Any], array: Array, key: ArrayLike | None, constant: bool) -> Any:
@@ -98,7 +106,9 @@ class FactorGraph:
         else:
             keys = as_keys(key).reshape(-1)
             if len(keys) != len(rows):
-                raise InputError(f"{len(keys)} keys for {len(rows)} values of {kind.__name__}; give one key a value")
+                raise InputError(
+                    f"{len(keys)} keys for {len(rows)} values of {kind.__name__}; give one key a value"
+                )
         slots = self._index.add(keys)
         table = self._table_of.get(kind)
         if table is None:
@@ -171,8 +181,13 @@ class FactorGraph:
             if len(table):
                 rows = table.live_rows()
                 slots = table.slots.rows[rows]
-                yield Variables(table.kind, self._index.keys[slots], table.values.rows[rows],
-                                table.constant.rows[rows], slots)
+                yield Variables(
+                    table.kind,
+                    self._index.keys[slots],
+                    table.values.rows[rows],
+                    table.constant.rows[rows],
+                    slots,
+                )
 
     def positions(self, keys: ArrayLike) -> Index:
         """Place of each key among the keys of its kind, ``keys(kind)``.
@@ -193,15 +208,16 @@ class FactorGraph:
         table, row = self._locate(key)
         return table.kind.from_array(table.values.rows[row].copy())
 
-    def values(self, keys: ArrayLike | type[Any]) -> Any:
-        """Values of variables of one kind as a batch, in the order of `keys`; a kind stands for all of that kind.
+    def values(self, keys: ArrayLike | type[Manifold]) -> Any:
+        """Values of variables of one kind as a batch, in the order of `keys`; a kind stands for all of that
+        kind.
 
         Raises:
             InputError: an unknown key, or keys of more than one kind.
         """
         if isinstance(keys, type):
             if keys not in self._table_of:
-                return keys.from_array(np.empty((0, keys.storage)))  # type: ignore[attr-defined]  # any manifold
+                return keys.from_array(np.empty((0, keys.storage)))
             table = self._tables[self._table_of[keys]]
             return table.kind.from_array(table.values.rows[table.live_rows()])
         wanted = as_keys(keys)
@@ -226,16 +242,21 @@ class FactorGraph:
         for table, rows, _ in self._by_table(wanted):
             kind = table.kind
             if isinstance(values, POSES + POINTS) and type(values) is not kind:
-                raise InputError(f"key {wanted[0]} is a {kind.__name__}; cannot give it a {type(values).__name__}")
+                raise InputError(
+                    f"key {wanted[0]} is a {kind.__name__}; cannot give it a {type(values).__name__}"
+                )
             array = np.asarray(getattr(values, "array", values), np.float64)
             if len(rows) != len(wanted) or array.size != len(rows) * kind.storage:
-                raise InputError(f"{len(rows)} {kind.__name__} need an array of shape ({len(rows)}, {kind.storage}), "
-                                 f"not {array.shape}")
+                raise InputError(
+                    f"{len(rows)} {kind.__name__} need an array of shape ({len(rows)}, {kind.storage}), "
+                    f"not {array.shape}"
+                )
             if not np.isfinite(array).all():
                 raise InputError(f"new values of {kind.__name__} are not finite")
             table.values.rows[rows] = array.reshape(len(rows), kind.storage)
 
-    # --- factors ---------------------------------------------------------------------------------------------
+    # --- factors
+    # ---------------------------------------------------------------------------------------------
 
     def add(self, factor: Factor) -> Index:
         """Add a factor: one measurement, or a block of many of one kind.
@@ -246,17 +267,9 @@ class FactorGraph:
         Raises:
             InputError: a key that is unknown or of another kind than the factor needs.
         """
-        keys = factor.keys
-        slots = self._index.find(keys)
-        if slots.size and slots.min() < 0:
-            raise InputError(f"{type(factor).__name__} refers to the unknown key {keys[slots < 0][0]}; "
-                             "add its variable first")
-        for position, kind in enumerate(factor.kinds):
-            wrong = self._slot_table.rows[slots[:, position]] != self._table_of.get(kind, -1)
-            if wrong.any():
-                key = int(keys[wrong, position][0])
-                raise InputError(f"{type(factor).__name__} needs a {kind.__name__} as variable {position + 1}, but key "
-                                 f"{key} is a {self.kind(key).__name__}")
+        tables = [self._table_of.get(kind, -1) for kind in factor.kinds]
+        if len(factor) != 1 or not self._fits(factor.keys[0].tolist(), tables):
+            self._check(factor, tables)
         name = signature(factor)
         number = self._factors_of.get(name)
         if number is None:
@@ -269,6 +282,28 @@ class FactorGraph:
         self._structure += 1
         return ids
 
+    def _fits(self, keys: list[int], tables: list[int]) -> bool:
+        """Whether the keys of one measurement are known and of the kinds in these tables; quick."""
+        slots = [self._index.find_one(key) for key in keys]
+        return min(slots) >= 0 and [self._slot_table.rows.item(slot) for slot in slots] == tables
+
+    def _check(self, factor: Factor, tables: list[int]) -> None:
+        """Raise InputError for the first key of a block that is unknown or of another kind."""
+        slots = self._index.find(factor.keys)
+        if slots.size and slots.min() < 0:
+            raise InputError(
+                f"{type(factor).__name__} refers to the unknown key {factor.keys[slots < 0][0]}; "
+                "add its variable first"
+            )
+        wrong = self._slot_table.rows[slots] != np.array(tables)
+        if wrong.any():
+            row, position = (int(index) for index in np.argwhere(wrong)[0])
+            key, kind = int(factor.keys[row, position]), factor.kinds[position]
+            raise InputError(
+                f"{type(factor).__name__} needs a {kind.__name__} as variable {position + 1}, but key "
+                f"{key} is a {self.kind(key).__name__}"
+            )
+
     def remove(self, ids: ArrayLike) -> None:
         """Take factors out again, by the ids that `add` returned.
 
@@ -280,7 +315,9 @@ class FactorGraph:
         if known.all():
             known = self._id_table.rows[wanted] >= 0
         if not known.all():
-            raise InputError(f"no factor has the id {wanted[~known][0]}; it was removed before, or is of another graph")
+            raise InputError(
+                f"no factor has the id {wanted[~known][0]}; it was removed before, or is of another graph"
+            )
         tables = self._id_table.rows[wanted]
         for number in np.unique(tables):
             self._drop(self._factors[number], self._id_row.rows[wanted[tables == number]])
@@ -305,7 +342,8 @@ class FactorGraph:
             if len(table) and (role is None or table.prototype.role == role):
                 yield table.live_ids().copy()
 
-    # --- the graph as a whole --------------------------------------------------------------------------------
+    # --- the graph as a whole
+    # --------------------------------------------------------------------------------
 
     @property
     def structure(self) -> int:
@@ -359,7 +397,8 @@ class FactorGraph:
         roles = ", ".join(f"{counts[role.value]} {role.value}" for role in Role if role.value in counts)
         return f"<FactorGraph: {kinds}; {roles or 'no'} factors>"
 
-    # --- looking up ------------------------------------------------------------------------------------------
+    # --- looking up
+    # ------------------------------------------------------------------------------------------
 
     def _slots(self, keys: Index) -> Index:
         slots = self._index.find(keys)

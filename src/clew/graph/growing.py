@@ -11,7 +11,8 @@ Scalar = TypeVar("Scalar", bound=np.generic)
 
 
 class Growing(Generic[Scalar]):
-    """Rows of one shape; capacity doubles when it is used up, so a million appends copy each row about once."""
+    """Rows of one shape; capacity doubles when it is used up, so a million appends copy each row about
+    once."""
 
     __slots__ = ("_data", "_size")
 

@@ -16,8 +16,8 @@ Keys = NDArray[np.int64]
 class KeyIndex:
     """Slot of each key; slots count variables in the order in which they were added and are never reused.
 
-    As long as keys are 0, 1, 2, ... a key *is* its slot and nothing is looked up. The first other key switches to
-    a dictionary for single look-ups and a sorted copy, made when needed, for batches.
+    As long as keys are 0, 1, 2, ... a key *is* its slot and nothing is looked up. The first other key
+    switches to a dictionary for single look-ups and a sorted copy, made when needed, for batches.
     """
 
     def __init__(self) -> None:
@@ -45,7 +45,9 @@ class KeyIndex:
         slots = np.arange(start, start + len(keys))
         if len(keys) > 1 and len(np.unique(keys)) < len(keys):
             names, times = np.unique(keys, return_counts=True)
-            raise InputError(f"key {names[times > 1][0]} occurs twice among the new variables; keys must be unique")
+            raise InputError(
+                f"key {names[times > 1][0]} occurs twice among the new variables; keys must be unique"
+            )
         taken = self.find(keys) >= 0
         if taken.any():
             raise InputError(f"key {keys[taken][0]} is in use already; choose another or leave `key` out")

@@ -1,4 +1,4 @@
-"""The layout of a block-sparse symmetric matrix: one vertex a variable, lower-triangular blocks, one flat array."""
+"""The layout of a block-sparse symmetric matrix: lower-triangular blocks in one flat array."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from clew import _native
 from clew.errors import InputError
 
 Floats = NDArray[np.float64]
@@ -19,9 +20,9 @@ Ints = NDArray[np.int32]
 class BlockPattern:
     """Which blocks of a symmetric matrix are stored, and where in one flat array of values.
 
-    Blocks are those on and below the diagonal, sorted by column, then row; every diagonal block is present. A block
-    is row-major ``(sizes[row], sizes[col])``; a diagonal block is stored whole and only its lower triangle is read.
-    Build it with `from_pairs`.
+    Blocks are those on and below the diagonal, sorted by column, then row; every diagonal block is present.
+    A block is row-major ``(sizes[row], sizes[col])``; a diagonal block is stored whole and only its lower
+    triangle is read. Build it with `from_pairs`.
 
     Attributes:
         sizes: ``(n,)`` scalar dimension of each variable.
@@ -50,14 +51,11 @@ class BlockPattern:
         sizes_ = np.ascontiguousarray(sizes, dtype=np.int32).reshape(-1)
         n = sizes_.size
         if n and sizes_.min() < 1:
-            raise InputError(f"variable {int(sizes_.argmin())} has size {int(sizes_.min())}; sizes are at least 1")
+            worst = int(sizes_.argmin())
+            raise InputError(f"variable {worst} has size {sizes_[worst]}; sizes are at least 1")
         i_, j_ = _pairs(i, j, n)
-        keys = np.minimum(i_, j_) * n + np.maximum(i_, j_)
-        keys = np.unique(np.concatenate([keys, np.arange(n, dtype=np.int64) * (n + 1)]))
-        cols, rows = (keys // max(n, 1)).astype(np.int32), (keys % max(n, 1)).astype(np.int32)
-        offsets = np.zeros(keys.size + 1, dtype=np.int64)
-        np.cumsum(sizes_[rows].astype(np.int64) * sizes_[cols], out=offsets[1:])
-        return cls(sizes_, rows, cols, offsets)
+        rows, cols = _native.linalg.blocks_of_pairs(n, i_, j_)
+        return cls(sizes_, rows, cols, _cumulative(sizes_[rows].astype(np.int64) * sizes_[cols]))
 
     @property
     def dim(self) -> int:
@@ -85,16 +83,13 @@ class BlockPattern:
         Raises:
             InputError: a pair whose block is not stored.
         """
-        n = self.sizes.size
-        i_, j_ = _pairs(i, j, n)
-        stored = self.cols.astype(np.int64) * n + self.rows
-        keys = np.minimum(i_, j_) * n + np.maximum(i_, j_)
-        found = np.searchsorted(stored, keys)
-        missing = np.flatnonzero(stored[np.minimum(found, stored.size - 1)] != keys) if keys.size else keys
+        i_, j_ = _pairs(i, j, self.sizes.size)
+        found = _native.linalg.find_blocks(self.column_starts, self.rows, i_, j_)
+        missing = np.flatnonzero(found < 0)
         if missing.size:
             k = missing[0]
             raise InputError(f"the pattern has no block of variables {i_[k]} and {j_[k]}; add the pair to it")
-        return found.astype(np.int64)
+        return found
 
     def diagonal_block(self, marginals: Floats, variable: int) -> Floats:
         """The ``(d, d)`` block of one variable in what `Factor.marginals` returned (a view)."""
@@ -118,5 +113,6 @@ def _pairs(i: ArrayLike, j: ArrayLike, n: int) -> tuple[Indices, Indices]:
         raise InputError(f"pairs need as many first as second variables, not {i_.size} and {j_.size}")
     for k in (i_, j_):
         if k.size and (k.min() < 0 or k.max() >= n):
-            raise InputError(f"a pair names variable {int(k.min()) if k.min() < 0 else int(k.max())}; there are {n}")
+            wrong = int(k.min()) if k.min() < 0 else int(k.max())
+            raise InputError(f"a pair names variable {wrong}; there are {n}")
     return i_, j_

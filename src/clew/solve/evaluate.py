@@ -16,21 +16,22 @@ from clew.solve.differentiate import differentiate
 Array = NDArray[np.float64]
 Rows = NDArray[np.int32]
 
-#: Factors with a native kernel: (`Factor.native`, manifold of the first variable) -> name of the kernel.
+#: Native kernel of the factors that have one, by `Factor.native` and the manifold of the first variable.
 KERNELS = {
     ("between", SE2): "between_se2",
     ("between", SE3): "between_se3",
-    ("prior", SE2): "between_se2",
+    ("prior", SE2): "between_se2",  # the relative pose seen from an identity that is constant
     ("prior", SE3): "between_se3",
-    ("point", SE2): "point_se2",
-    ("point", SE3): "point_se3",
-    ("range_bearing", SE2): "range_bearing_se2",
+    ("point", SE2): "point_observation_2d",
+    ("point", SE3): "point_observation_3d",
+    ("range_bearing", SE2): "range_bearing_2d",
 }
 
 
 @dataclass(frozen=True, eq=False)
 class System:
-    """The normal equations ``H step = -g``: values of the block Hessian and the gradient, without one half."""
+    """The normal equations ``H step = -g``: values of the block Hessian and the gradient, without one
+    half."""
 
     hessian: Array
     gradient: Array
@@ -70,35 +71,70 @@ class CompiledBlock:
         if name is not None and known:
             return self._native(name, values, robust, scale, hessian, gradient)
         arrays = [values[table][self.rows[:, p]] for p, table in enumerate(self.tables)]
-        residual = np.ascontiguousarray(self.factor.residual(*arrays, measurement=self.factor.measurement))
+        if system is None:
+            residual = np.ascontiguousarray(
+                self.factor.residual(*arrays, measurement=self.factor.measurement)
+            )
+            jacobians = [np.zeros((*residual.shape, kind.dim)) for kind in self.factor.kinds]
+        else:
+            error, derivatives = differentiate(self.factor, arrays)
+            residual, jacobians = np.ascontiguousarray(error), [np.ascontiguousarray(j) for j in derivatives]
         information, cost = self.factor.information, 0.0
-        if kernel is not None and not known:  # a loss written in Python: weigh here, accumulate without a loss
+        if (
+            kernel is not None and not known
+        ):  # a loss written in Python: weigh here, accumulate without a loss
             s = np.einsum("mi,mij,mj->m", residual, information, residual)
             cost = float(kernel.rho(s).sum())
             information = kernel.weight(s)[:, None, None] * information
             robust, scale = 0, 1.0
-        if system is None:
-            jacobians = [np.zeros((*residual.shape, kind.dim)) for kind in self.factor.kinds]
-        else:
-            jacobians = [np.ascontiguousarray(j) for j in differentiate(self.factor, arrays)]
-        total = _native.solve.accumulate(residual, jacobians, information, self.gradient, self.plan, robust, scale,
-                                         hessian, gradient)
+        total = _native.solve.accumulate(
+            residual, jacobians, information, self.gradient, self.plan, robust, scale, hessian, gradient
+        )
         return cost if kernel is not None and not known else total
 
-    def _native(self, name: str, values: list[Array], robust: int, scale: float, hessian: Array | None,
-                gradient: Array | None) -> float:
+    def _native(
+        self,
+        name: str,
+        values: list[Array],
+        robust: int,
+        scale: float,
+        hessian: Array | None,
+        gradient: Array | None,
+    ) -> float:
         factor = self.factor
         sensor = None if factor.T_robot_sensor is None else np.ascontiguousarray(factor.T_robot_sensor)
-        if factor.native != "prior":
+        if len(factor.kinds) == 2:
             first, second = (values[table] for table in self.tables)
-            return _native.solve.linearise(name, first, second, sensor, self.rows, factor.measurement,
-                                           factor.information, self.gradient, self.plan, robust, scale,
-                                           hessian, gradient)
-        # the relative pose seen from an identity that is constant
+            return _native.solve.linearise(
+                name,
+                first,
+                second,
+                sensor,
+                self.rows,
+                factor.measurement,
+                factor.information,
+                self.gradient,
+                self.plan,
+                robust,
+                scale,
+                hessian,
+                gradient,
+            )
         count, kind = len(factor), factor.kinds[0]
         fixed = np.zeros((count, 1), np.int32)
         nowhere = np.full((count, 2), -1, np.int64)
-        return _native.solve.linearise(name, kind.identity((1,)).array, values[self.tables[0]], None,
-                                       np.hstack([fixed, self.rows]), factor.measurement, factor.information,
-                                       np.hstack([fixed - 1, self.gradient]), np.hstack([nowhere, self.plan]),
-                                       robust, scale, hessian, gradient)
+        return _native.solve.linearise(
+            name,
+            kind.identity((1,)).array,
+            values[self.tables[0]],
+            None,
+            np.hstack([fixed, self.rows]),
+            factor.measurement,
+            factor.information,
+            np.hstack([fixed - 1, self.gradient]),
+            np.hstack([nowhere, self.plan]),
+            robust,
+            scale,
+            hessian,
+            gradient,
+        )

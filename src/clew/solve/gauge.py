@@ -1,8 +1,9 @@
 """Which parts of a graph are tied to the world, and what to hold where nothing ties them.
 
 Relative measurements do not change when everything is moved as one rigid body. Whether the other factors of a
-connected part see such a motion is a question of rank: with ``V`` the motions in the tangents of the variables,
-``G = sum (J V)^T Omega (J V)`` over the factors of the part, of size 3 in the plane and 6 in space.
+connected part see such a motion is a question of rank: with ``V`` the motions in the tangents of the
+variables, ``G = sum (J V)^T Omega (J V)`` over the factors of the part, of size 3 in the plane and 6 in
+space.
 """
 
 from __future__ import annotations
@@ -24,8 +25,11 @@ Index = NDArray[np.int64]
 #: Kinds of factors (`Factor.native`) whose residual no rigid motion of all its variables changes.
 RELATIVE = ("between", "point", "range_bearing", "bearing", "range")
 _RANK_TOLERANCE = 1e-9
-_DIRECTIONS = {2: ("x", "y", "the heading"), 3: ("x", "y", "z", "the rotation about x", "the rotation about y",
-                                                 "the rotation about z")}
+_ROUNDING = 1e-20  # share of cancelling terms in a squared derivative that is rounding
+_DIRECTIONS = {
+    2: ("x", "y", "the heading"),
+    3: ("x", "y", "z", "the rotation about x", "the rotation about y", "the rotation about z"),
+}
 
 
 @dataclass(frozen=True)
@@ -45,11 +49,17 @@ class Part:
     directions: tuple[str, ...]
 
     def __str__(self) -> str:
-        who = f"variable {self.anchor}" if self.size == 1 else f"{self.size:,} variables around key {self.anchor}"
+        who = (
+            f"variable {self.anchor}"
+            if self.size == 1
+            else f"{self.size:,} variables around key {self.anchor}"
+        )
         if self.held:
             return f"Nothing ties {who} to the world; key {self.anchor} was held where it was."
-        return (f"Nothing fixes {', '.join(self.directions)} of {who}; add a Prior on one of its poses, or hold one "
-                "with set_constant.")
+        return (
+            f"Nothing fixes {', '.join(self.directions)} of {who}; add a Prior on one of its poses, or hold "
+            "one with set_constant."
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,38 +99,52 @@ def find_gauge(graph: FactorGraph) -> Gauge:
 
     space = np.empty(total, np.int64)
     for table in tables:
-        space[rank[base[table.kind]:base[table.kind] + len(table.keys)]] = table.kind.space
+        space[rank[base[table.kind] : base[table.kind] + len(table.keys)]] = table.kind.space
     count = int(component.max()) + 1
     _, leader = np.unique(component, return_index=True)  # first variable of each part
     origin = np.zeros((count, 3))
     for table in tables:
-        mine = rank[base[table.kind]:base[table.kind] + len(table.keys)]
+        mine = rank[base[table.kind] : base[table.kind] + len(table.keys)]
         first = np.flatnonzero(leader[component[mine]] == mine)
-        origin[component[mine[first]], :table.kind.space] = table.values[first, :table.kind.space]
+        origin[component[mine[first]], : table.kind.space] = table.values[first, : table.kind.space]
 
     seen = np.zeros((count, 6, 6))
+    floor = np.full(count, 1e-300)
     for table in tables:  # a constant variable sees every motion that moves it
-        mine = rank[base[table.kind]:base[table.kind] + len(table.keys)]
+        mine = rank[base[table.kind] : base[table.kind] + len(table.keys)]
         constant = np.flatnonzero(table.constant)
         motion = _motions(table.kind, table.values[constant], origin[component[mine[constant]]])
         np.add.at(seen, component[mine[constant]], _pad(np.swapaxes(motion, 1, 2) @ motion))
     for block, node in zip(blocks, nodes, strict=True):
         if block.native not in RELATIVE and len(block):
-            np.add.at(seen, component[node[:, 0]], _pad(_sight(graph, tables, block, origin[component[node[:, 0]]])))
+            part = component[node[:, 0]]
+            sight, terms = _sight(graph, tables, block, origin[part])
+            np.add.at(seen, part, _pad(sight))
+            np.add.at(floor, part, _ROUNDING * terms)
+    seen[np.trace(seen, axis1=1, axis2=2) <= floor] = 0.0
+    seen[~np.isfinite(seen).all(axis=(1, 2))] = np.eye(6)  # the solve itself will find out and say so
 
     parts, held = _judge(tables, base, rank, component, leader, space, seen)
     return Gauge(parts, held, count)
 
 
-def _judge(tables: tuple[Variables, ...], base: dict[type[Any], Any], rank: Index, component: Index, leader: Index,
-           space: Index, seen: Array) -> tuple[tuple[Part, ...], dict[type[Any], Index]]:
-    """Name the parts that some rigid motion leaves unseen, and choose what to hold in those that are wholly free."""
+def _judge(
+    tables: tuple[Variables, ...],
+    base: dict[type[Any], Any],
+    rank: Index,
+    component: Index,
+    leader: Index,
+    space: Index,
+    seen: Array,
+) -> tuple[tuple[Part, ...], dict[type[Any], Index]]:
+    """Name the parts that some rigid motion leaves unseen, and choose what to hold in those that are wholly
+    free."""
     count = len(leader)
     sizes = np.bincount(component, minlength=count)
     pose = np.full(count, -1, np.int64)
     keys = np.empty(len(rank), np.int64)
     for table in tables:
-        mine = rank[base[table.kind]:base[table.kind] + len(table.keys)]
+        mine = rank[base[table.kind] : base[table.kind] + len(table.keys)]
         keys[mine] = table.keys
         if table.kind in (SE2, SE3):
             found, first = np.unique(component[mine], return_index=True)
@@ -139,7 +163,7 @@ def _judge(tables: tuple[Variables, ...], base: dict[type[Any], Any], rank: Inde
             anchors.append(anchor)
     held = {}
     for table in tables:
-        mine = rank[base[table.kind]:base[table.kind] + len(table.keys)]
+        mine = rank[base[table.kind] : base[table.kind] + len(table.keys)]
         rows = np.flatnonzero(np.isin(mine, anchors))
         if len(rows):
             held[table.kind] = rows
@@ -161,28 +185,34 @@ def _words(free: Array, dim: int) -> tuple[str, ...]:
     """Names of the free motions: the axes with the largest share in them."""
     share = (free**2).sum(axis=1)
     names = _DIRECTIONS[dim]
-    return tuple(names[k] for k in sorted(np.argsort(-share, kind="stable")[:free.shape[1]]))
+    return tuple(names[k] for k in sorted(np.argsort(-share, kind="stable")[: free.shape[1]]))
 
 
-def _sight(graph: FactorGraph, tables: tuple[Variables, ...], block: Factor, origin: Array) -> Array:
-    """``(J V)^T Omega (J V)`` of each factor of a block."""
+def _sight(
+    graph: FactorGraph, tables: tuple[Variables, ...], block: Factor, origin: Array
+) -> tuple[Array, Array]:
+    """``(J V)^T Omega (J V)`` of each factor of a block, and the size of the terms that cancel in it."""
     values_of = {table.kind: table.values for table in tables}
     rows = graph.positions(block.keys)
     values = [values_of[kind][rows[:, p]] for p, kind in enumerate(block.kinds)]
-    jacobians = differentiate(block, values)
-    seen = sum(j @ _motions(kind, value, origin)
-               for j, kind, value in zip(jacobians, block.kinds, values, strict=True))
-    return np.swapaxes(seen, 1, 2) @ block.information @ seen
+    _, jacobians = differentiate(block, values)
+    terms = np.stack(
+        [
+            j @ _motions(kind, value, origin)
+            for j, kind, value in zip(jacobians, block.kinds, values, strict=True)
+        ]
+    )
+    seen = terms.sum(axis=0)
+    size = np.trace(block.information, axis1=1, axis2=2) * (terms**2).sum(axis=(0, 2, 3))
+    return np.swapaxes(seen, 1, 2) @ block.information @ seen, size
 
 
 def _motions(kind: type[Any], values: Array, origin: Array) -> Array:
-    """Tangents ``(N, dim, 3 or 6)`` of the rigid motions of everything about `origin`: translations, rotations."""
+    """Tangents ``(N, dim, 3 or 6)`` of the rigid motions of everything about `origin`: translations,
+    rotations."""
     dim = kind.space
     arm = values[:, :dim] - origin[:, :dim]
-    if dim == 2:
-        turn = np.stack([-arm[:, 1], arm[:, 0]], axis=1)[:, :, None]
-    else:
-        turn = -so3.hat(arm)
+    turn = np.stack([-arm[:, 1], arm[:, 0]], axis=1)[:, :, None] if dim == 2 else -so3.hat(arm)
     world = np.concatenate([np.broadcast_to(np.eye(dim), (len(arm), dim, dim)), turn], axis=2)
     if kind not in (SE2, SE3):
         return world
@@ -193,10 +223,12 @@ def _motions(kind: type[Any], values: Array, origin: Array) -> Array:
         rotation = so3.matrix(values[:, 3:])
         spin = np.swapaxes(rotation, 1, 2)
     still = np.zeros((len(arm), spin.shape[1], dim))
-    return np.concatenate([np.swapaxes(rotation, 1, 2) @ world, np.concatenate([still, spin], axis=2)], axis=1)
+    return np.concatenate(
+        [np.swapaxes(rotation, 1, 2) @ world, np.concatenate([still, spin], axis=2)], axis=1
+    )
 
 
 def _pad(matrices: Array) -> Array:
     out = np.zeros((len(matrices), 6, 6))
-    out[:, :matrices.shape[1], :matrices.shape[2]] = matrices
+    out[:, : matrices.shape[1], : matrices.shape[2]] = matrices
     return out

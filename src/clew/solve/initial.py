@@ -20,7 +20,8 @@ Array = NDArray[np.float64]
 def initial_guess(problem: Problem, current: Values, init: str, robust: Kernel | None) -> tuple[Values, str]:
     """Values to start from, and the name of the guess that they are.
 
-    A guess that the graph does not admit (no relative poses, a pose that hangs on none) falls back to a simpler one.
+    A guess that the graph does not admit (no relative poses, a pose that hangs on none) falls back to a
+    simpler one.
 
     Args:
         problem: the compiled graph.

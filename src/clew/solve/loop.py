@@ -62,8 +62,14 @@ class Trace:
 Callback = Callable[[Progress], bool | None]
 
 
-def iterate(problem: Problem, values: Values, robust: Kernel | None, search: Search, stopping: Stopping,
-            callback: Callback | None = None) -> Trace:
+def iterate(
+    problem: Problem,
+    values: Values,
+    robust: Kernel | None,
+    search: Search,
+    stopping: Stopping,
+    callback: Callback | None = None,
+) -> Trace:
     """Minimise the cost from `values` on.
 
     A callback that returns True stops the iteration.

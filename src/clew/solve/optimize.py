@@ -42,18 +42,29 @@ def compile_graph(graph: FactorGraph, ordering: str = "auto", threads: int = 1) 
     return problem, gauge
 
 
-def optimize(graph: FactorGraph, *, method: str = "levenberg-marquardt", init: str = "auto",
-             robust: Kernel | None = None, max_iterations: int = 100, cost_tolerance: float = 1e-10,
-             step_tolerance: float = 1e-10, gradient_tolerance: float = 1e-11, threads: int = 1,
-             ordering: str = "auto", callback: Callback | None = None, update: bool = False) -> Solution:
+def optimize(
+    graph: FactorGraph,
+    *,
+    method: str = "levenberg-marquardt",
+    init: str = "auto",
+    robust: Kernel | None = None,
+    max_iterations: int = 100,
+    cost_tolerance: float = 1e-10,
+    step_tolerance: float = 1e-10,
+    gradient_tolerance: float = 1e-11,
+    threads: int = 1,
+    ordering: str = "auto",
+    callback: Callback | None = None,
+    update: bool = False,
+) -> Solution:
     """Find the values that explain the measurements best.
 
     Args:
         graph: variables and factors; its values are left alone unless `update` is set.
         method: "levenberg-marquardt", "gauss-newton" or "dogleg".
-        init: initial guess. "file" takes the graph's current values, "tree" composes measurements along a spanning
-            tree, "rotation" solves for the rotations first and then for the translations, "auto" takes the one of
-            them with the lowest cost.
+        init: initial guess. "file" takes the graph's current values, "tree" composes measurements along a
+            spanning tree, "rotation" solves for the rotations first and then for the translations, "auto"
+            takes the one of them with the lowest cost.
         robust: kernel of all factors without one of their own, priors excepted.
         max_iterations: limit on the steps tried.
         cost_tolerance: relative decrease of the cost that is not worth another iteration.
@@ -65,8 +76,8 @@ def optimize(graph: FactorGraph, *, method: str = "levenberg-marquardt", init: s
         update: write the solution into the graph.
 
     Returns:
-        The solution; its status says how the solve ended. A graph that nothing ties to the world is solved with the
-        first pose of each connected part held, and the solution says so.
+        The solution; its status says how the solve ended. A graph that nothing ties to the world is solved
+        with the first pose of each connected part held, and the solution says so.
 
     Raises:
         InputError: an option that does not exist.
@@ -90,10 +101,24 @@ def optimize(graph: FactorGraph, *, method: str = "levenberg-marquardt", init: s
     trace = iterate(problem, values, robust, search, stopping, callback)
     posterior = Posterior(problem, trace.values, robust)
     status, diagnosis = diagnose(posterior, gauge, trace.status, search)
-    seconds = {"compile": compiled - start, "initialise": initialised - compiled, **trace.seconds,
-               "total": time.perf_counter() - start}
-    solution = Solution(status, tuple(trace.chi2), trace.iterations, used, MappingProxyType(seconds),
-                        gauge.parts, diagnosis, posterior, graph, graph.structure)
+    seconds = {
+        "compile": compiled - start,
+        "initialise": initialised - compiled,
+        **trace.seconds,
+        "total": time.perf_counter() - start,
+    }
+    solution = Solution(
+        status,
+        tuple(trace.chi2),
+        trace.iterations,
+        used,
+        MappingProxyType(seconds),
+        gauge.parts,
+        diagnosis,
+        posterior,
+        graph,
+        graph.structure,
+    )
     if update:
         solution.apply(graph)
     return solution

@@ -30,10 +30,11 @@ def pattern_of(sizes: NDArray[np.int32], columns: list[Columns]) -> BlockPattern
 
 
 def scatter_plan(pattern: BlockPattern, columns: Columns) -> Plan:
-    """Targets ``(M, arity (arity + 1) / 2)`` of ``J_p^T W J_q`` for positions ``p >= q``, as native/solve reads them.
+    """Targets ``(M, arity (arity + 1) / 2)`` of ``J_p^T W J_q`` for positions ``p >= q``, as native/solve
+    reads them.
 
-    A target is -1 (a constant variable) or ``4 * offset + flag``; flag 0 adds the product as it is, 1 its transpose,
-    2 both (two positions that hold one variable).
+    A target is -1 (a constant variable) or ``4 * offset + flag``; flag 0 adds the product as it is, 1 its
+    transpose, 2 both (two positions that hold one variable).
     """
     count, arity = columns.shape
     plan = np.full((count, arity * (arity + 1) // 2), -1, np.int64)

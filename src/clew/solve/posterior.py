@@ -17,6 +17,10 @@ from clew.solve.problem import Problem, Values
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 
+NO_COVARIANCE = (
+    "there is no covariance: the measurements leave some variables free to move; see Solution.diagnosis"
+)
+
 
 @dataclass(frozen=True, eq=False)
 class Posterior:
@@ -43,10 +47,7 @@ class Posterior:
 
     def _factor(self) -> Factor:
         if self.factor.status is not FactorStatus.OK:
-            column = self.factor.failed_variable
-            where = f" (first noticed at key {self.problem.key_of(column)})" if column >= 0 else ""
-            raise InputError("there is no covariance: the measurements leave some variables free to move" + where
-                             + "; see Solution.diagnosis")
+            raise InputError(NO_COVARIANCE)
         return self.factor
 
     def marginals(self, table: int) -> Array:
@@ -67,8 +68,10 @@ class Posterior:
         """Dense joint covariance of variables given by their columns (-1: constant) and tangent sizes."""
         starts = np.append(0, np.cumsum(sizes))
         free = columns >= 0
-        scalars = np.concatenate([np.arange(s, s + d) for s, d in zip(starts[:-1][free], sizes[free], strict=True)]
-                                 or [np.empty(0, np.int64)])
+        scalars = np.concatenate(
+            [np.arange(s, s + d) for s, d in zip(starts[:-1][free], sizes[free], strict=True)]
+            or [np.empty(0, np.int64)]
+        )
         out = np.zeros((int(starts[-1]), int(starts[-1])))
         if free.any():
             out[np.ix_(scalars, scalars)] = self._factor().joint_covariance(columns[free])

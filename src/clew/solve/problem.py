@@ -29,7 +29,8 @@ class Problem:
 
     Attributes:
         tables: the variables, kind by kind.
-        columns: for each kind ``(N,)`` the number of each variable among the free ones, -1 if it is held constant.
+        columns: for each kind ``(N,)`` the number of each variable among the free ones, -1 if it is held
+            constant.
         table_of: ``(n,)`` kind of each column.
         row_of: ``(n,)`` row of each column in its kind.
         pattern: of the block Hessian.
@@ -71,7 +72,8 @@ class Problem:
 
     def kind_of(self, column: int) -> type[Any]:
         """Manifold of the variable in a column."""
-        return self.tables[self.table_of[column]].kind
+        kind: type[Any] = self.tables[self.table_of[column]].kind
+        return kind
 
     def empty_system(self) -> System:
         """Room for the normal equations."""
@@ -113,12 +115,15 @@ def kernel_of(block: CompiledBlock, robust: Kernel | None) -> Kernel | None:
     return robust
 
 
-def build_problem(graph: FactorGraph, held: Mapping[type[Any], Index], ordering: str, threads: int) -> Problem:
+def build_problem(
+    graph: FactorGraph, held: Mapping[type[Any], Index], ordering: str, threads: int
+) -> Problem:
     """Compile a graph.
 
     Args:
         graph: variables and factors.
-        held: rows of variables, by kind, that are held besides the graph's own constants (to fix a free gauge).
+        held: rows of variables, by kind, that are held besides the graph's own constants (to fix a free
+            gauge).
         ordering: of `linalg.analyse`.
         threads: of `linalg.analyse`.
     """
@@ -129,10 +134,14 @@ def build_problem(graph: FactorGraph, held: Mapping[type[Any], Index], ordering:
         free = ~table.constant
         free[held.get(table.kind, np.empty(0, np.int64))] = False
         frees.append(np.flatnonzero(free))
-    table_of = np.concatenate([np.full(len(f), n, np.int32) for n, f in enumerate(frees)] or [np.empty(0, np.int32)])
+    table_of = np.concatenate(
+        [np.full(len(f), n, np.int32) for n, f in enumerate(frees)] or [np.empty(0, np.int32)]
+    )
     row_of = np.concatenate([*frees, np.empty(0, np.int64)])
     if len(tables) > 1:  # columns in the order of addition, kinds mixed
-        order = np.argsort(np.concatenate([t.order[f] for t, f in zip(tables, frees, strict=True)]), kind="stable")
+        order = np.argsort(
+            np.concatenate([t.order[f] for t, f in zip(tables, frees, strict=True)]), kind="stable"
+        )
         table_of, row_of = table_of[order], row_of[order]
     columns = []
     for number, table in enumerate(tables):

@@ -47,13 +47,17 @@ class Relations:
 def relations(problem: Problem, values: Values) -> list[Relations]:
     """Relations of each kind of pose that has any.
 
-    Known are the poses that are constant; in a part without such a pose the first that has a prior, at its prior.
+    Known are the poses that are constant; in a part without such a pose the first that has a prior, at its
+    prior.
     """
     found = []
     for number, table in enumerate(problem.tables):
         kind = table.kind
-        blocks = [b for b in problem.blocks
-                  if b.factor.native == "between" and b.tables == (number, number) and len(b.factor)]
+        blocks = [
+            b
+            for b in problem.blocks
+            if b.factor.native == "between" and b.tables == (number, number) and len(b.factor)
+        ]
         if kind not in (SE2, SE3) or not blocks:
             continue
         i = np.concatenate([b.rows[:, 0] for b in blocks]).astype(np.int64)
@@ -71,9 +75,17 @@ def relations(problem: Problem, values: Values) -> list[Relations]:
             chosen = np.flatnonzero(open_)[first]
             start[rows[chosen]] = poses[chosen]
             seeds.append(rows[chosen])
-        found.append(Relations(
-            number, kind, i, j, np.concatenate([b.factor.measurement for b in blocks]),
-            np.concatenate([b.factor.information for b in blocks]),
-            np.concatenate([np.full(len(b.factor), b.factor.role == Role.ODOMETRY) for b in blocks]),
-            np.unique(np.concatenate(seeds)), start))
+        found.append(
+            Relations(
+                number,
+                kind,
+                i,
+                j,
+                np.concatenate([b.factor.measurement for b in blocks]),
+                np.concatenate([b.factor.information for b in blocks]),
+                np.concatenate([np.full(len(b.factor), b.factor.role == Role.ODOMETRY) for b in blocks]),
+                np.unique(np.concatenate(seeds)),
+                start,
+            )
+        )
     return found

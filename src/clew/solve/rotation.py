@@ -1,9 +1,9 @@
 """Initial guess by rotations first: chordal relaxation, then the translations as a linear problem.
 
-Carlone, Tron, Daniilidis, Dellaert, "Initialization techniques for 3D SLAM: a survey on rotation estimation and its
-use in pose graph optimization", ICRA 2015, section III-B. With ``X_i = R_i^T`` a relative rotation says
-``X_j = R_z^T X_i``, which is linear once ``X`` may be any matrix; its columns are independent, and in the plane one
-column says it all. The solutions are projected to the nearest rotations.
+Carlone, Tron, Daniilidis, Dellaert, "Initialization techniques for 3D SLAM: a survey on rotation estimation
+and its use in pose graph optimization", ICRA 2015, section III-B. With ``X_i = R_i^T`` a relative rotation
+says ``X_j = R_z^T X_i``, which is linear once ``X`` may be any matrix; its columns are independent, and in
+the plane one column says it all. The solutions are projected to the nearest rotations.
 """
 
 from __future__ import annotations
@@ -29,7 +29,8 @@ def rotation_guess(relations: Relations, ordering: str, threads: int) -> Array |
     pairs = np.stack([columns[relations.i], columns[relations.j]], axis=1)
     pattern = pattern_of(np.full(len(columns) - len(relations.known), space, np.int32), [pairs])
     if not pattern.dim:
-        return relations.start.copy()
+        known: Array = relations.start.copy()
+        return known
     system = _Linear(relations, columns, pairs, pattern, analyse(pattern, ordering=ordering, threads=threads))
     rotations = _rotations(relations, system)
     if rotations is None:
@@ -42,15 +43,23 @@ def rotation_guess(relations: Relations, ordering: str, threads: int) -> Array |
 class _Linear:
     """A linear least squares problem in a vector of ``(space,)`` a pose, known poses given."""
 
-    def __init__(self, relations: Relations, columns: NDArray[np.int32], pairs: NDArray[np.int32],
-                 pattern: BlockPattern, symbolic: SymbolicFactor) -> None:
+    def __init__(
+        self,
+        relations: Relations,
+        columns: NDArray[np.int32],
+        pairs: NDArray[np.int32],
+        pattern: BlockPattern,
+        symbolic: SymbolicFactor,
+    ) -> None:
         self.i, self.j, self.known = relations.i, relations.j, relations.known
         self.free = np.flatnonzero(columns >= 0)
         self.pattern, self.symbolic = pattern, symbolic
         self.gradient = np.append(pattern.starts[:-1], -1).astype(np.int32)[pairs]
         self.plan = scatter_plan(pattern, pairs)
 
-    def solve(self, by_i: Array, by_j: Array, constant: Array, information: Array, known: Array) -> Array | None:
+    def solve(
+        self, by_i: Array, by_j: Array, constant: Array, information: Array, known: Array
+    ) -> Array | None:
         """Minimise ``sum |by_i x_i + by_j x_j + constant|^2`` in the norm of `information`.
 
         Args:
@@ -70,13 +79,22 @@ class _Linear:
         for k in range(residual.shape[2]):
             gradient = np.zeros(self.pattern.dim)
             hessian.fill(0.0)
-            _native.solve.accumulate(np.ascontiguousarray(residual[:, :, k]), jacobians, information, self.gradient,
-                                     self.plan, 0, 1.0, hessian, gradient)
+            _native.solve.accumulate(
+                np.ascontiguousarray(residual[:, :, k]),
+                jacobians,
+                information,
+                self.gradient,
+                self.plan,
+                0,
+                1.0,
+                hessian,
+                gradient,
+            )
             right[:, k] = -gradient
         factor = self.symbolic.factorize(hessian)
         if factor.status is not FactorStatus.OK:
             return None
-        solution = known.copy()
+        solution: Array = known.copy()
         solution[self.free] = factor.solve(right).reshape(len(self.free), -1, residual.shape[2])
         return solution
 
@@ -92,11 +110,14 @@ def _rotations(relations: Relations, system: _Linear) -> Array | None:
     vectors = 1 if space == 2 else 3
     known = np.zeros((len(relations.start), space, vectors))
     known[system.known] = np.swapaxes(matrix(relations.start[system.known, space:]), 1, 2)[:, :, :vectors]
-    solution = system.solve(-measured, eye, np.zeros((len(eye), space, vectors)), weight[:, None, None] * eye, known)
+    solution = system.solve(
+        -measured, eye, np.zeros((len(eye), space, vectors)), weight[:, None, None] * eye, known
+    )
     if solution is None or not np.isfinite(solution).all():
         return None
     if space == 2:
-        return np.arctan2(-solution[:, 1], solution[:, 0])
+        angles: Array = np.arctan2(-solution[:, 1], solution[:, 0])
+        return angles
     left, _, right = np.linalg.svd(solution)
     left[:, :, 2] *= np.sign(np.linalg.det(left @ right))[:, None]
     quaternions: Array = so3.from_matrix(np.swapaxes(left @ right, 1, 2))
@@ -104,7 +125,8 @@ def _rotations(relations: Relations, system: _Linear) -> Array | None:
 
 
 def _positions(relations: Relations, system: _Linear, turned: Array) -> Array | None:
-    """Positions ``(N, space)`` given the rotation matrices: ``e = R_z^T (R_i^T (t_j - t_i) - t_z)`` is linear."""
+    """Positions ``(N, space)`` given the rotation matrices: ``e = R_z^T (R_i^T (t_j - t_i) - t_z)`` is
+    linear."""
     space = relations.kind.space
     matrix = so2.matrix if space == 2 else so3.matrix
     measured = np.swapaxes(matrix(relations.measurement[:, space:]), 1, 2)

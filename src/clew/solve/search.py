@@ -17,6 +17,10 @@ from clew.solve.problem import Problem
 
 Array = NDArray[np.float64]
 
+_RESTING_DAMPING = 1e-12
+_WORKING_DAMPING = 1e-6
+_LEAP = 1e3  # from rest to work in two steps
+
 
 @dataclass(frozen=True, eq=False)
 class Step:
@@ -34,7 +38,15 @@ class Step:
 
 
 class Search(Protocol):
-    """The part of a solver that turns normal equations into steps."""
+    """The part of a solver that turns normal equations into steps.
+
+    Attributes:
+        factor: the last factorisation.
+        damping: multiple of the diagonal that was added in it.
+    """
+
+    factor: Factor | None
+    damping: float
 
     def propose(self, problem: Problem, system: System, fresh: bool) -> Step | None:
         """A step, or None if the system is singular; `fresh` says that it changed since the last call."""
@@ -55,6 +67,7 @@ class GaussNewton:
     """The full step of the linearised problem, whatever it does to the cost."""
 
     factor: Factor | None = None
+    damping: float = 0.0
 
     def propose(self, problem: Problem, system: System, fresh: bool) -> Step | None:
         """Solution of ``H step = -g``."""
@@ -78,11 +91,13 @@ class GaussNewton:
 class LevenbergMarquardt:
     """Gauss-Newton, damped by a multiple of the Hessian's diagonal (Marquardt 1963).
 
-    The damping follows the gain ratio (Nielsen 1999, "Damping parameter in Marquardt's method", eq. 2.5), with a
-    tenth instead of a third as the strongest relaxation: good initial guesses are the rule here.
+    The damping follows the gain ratio (Nielsen 1999, "Damping parameter in Marquardt's method", eq. 2.5).
+    Long chains of poses have eigenvalues that are tiny beside the diagonal, and any visible damping makes
+    them crawl; so the damping rests at a value that only guards against rounding, leaps to useful ones when a
+    step fails, and relaxes as steps succeed.
     """
 
-    damping: float = 1e-6
+    damping: float = _RESTING_DAMPING
     growth: float = 2.0
     factor: Factor | None = None
     _scale: Array = field(default_factory=lambda: np.empty(0))
@@ -108,14 +123,14 @@ class LevenbergMarquardt:
         """Accept a decrease; trust the model more or less according to the gain ratio."""
         gain = decrease / step.predicted if step.predicted > 0 else -1.0
         if np.isfinite(gain) and gain > 0:
-            self.damping = max(self.damping * max(0.1, 1.0 - (2.0 * gain - 1.0) ** 3), 1e-14)
+            self.damping = max(self.damping * max(0.1, 1.0 - (2.0 * gain - 1.0) ** 3), _RESTING_DAMPING)
             self.growth = 2.0
             return True
         self._raise()
         return False
 
     def _raise(self) -> None:
-        self.damping *= self.growth
+        self.damping *= _LEAP if self.damping < _WORKING_DAMPING else self.growth
         self.growth *= 2.0
 
     @property
@@ -133,6 +148,7 @@ class Dogleg:
 
     radius: float = np.inf
     factor: Factor | None = None
+    damping: float = 0.0
     _newton: Array = field(default_factory=lambda: np.empty(0))
     _cauchy: Array = field(default_factory=lambda: np.empty(0))
     _scale: Array = field(default_factory=lambda: np.empty(0))
@@ -191,7 +207,9 @@ def multiply(problem: Problem, system: System, vector: Array) -> Array:
     for shape in np.unique(shapes):
         mine = np.flatnonzero(shapes == shape)
         height, width = int(shape) // 64, int(shape) % 64
-        values = system.hessian[pattern.offsets[mine, None] + np.arange(height * width)].reshape(-1, height, width)
+        values = system.hessian[pattern.offsets[mine, None] + np.arange(height * width)].reshape(
+            -1, height, width
+        )
         row = pattern.starts[pattern.rows[mine], None] + np.arange(height)
         col = pattern.starts[pattern.cols[mine], None] + np.arange(width)
         np.add.at(out, row, np.einsum("mij,mj->mi", values, vector[col]))

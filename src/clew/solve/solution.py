@@ -14,7 +14,7 @@ from clew.errors import InputError
 from clew.geometry import SE2, SE3
 from clew.graph import FactorGraph
 from clew.solve.gauge import Part
-from clew.solve.posterior import Posterior
+from clew.solve.posterior import NO_COVARIANCE, Posterior
 from clew.solve.status import Status
 
 Array = NDArray[np.float64]
@@ -31,7 +31,8 @@ class Solution:
         iterations: steps tried.
         init: initial guess that was used ("file", "tree" or "rotation").
         seconds: time by stage: compile, initialise, linearise, factorise, total.
-        free_parts: connected parts of the graph that nothing ties to the world, and what was held for it.
+        free_parts: connected parts of the graph that, at the initial values, nothing ties to the world, and
+            what was held.
         diagnosis: sentences about what the measurements leave open, gauge included; empty if all is well.
         posterior: the Gaussian around the minimum.
     """
@@ -57,11 +58,18 @@ class Solution:
         """Cost of the initial guess."""
         return self.chi2_history[0]
 
-    # --- values ------------------------------------------------------------------------------------------------
+    # --- values
+    # ------------------------------------------------------------------------------------------------
+
+    @property
+    def kinds(self) -> tuple[type[Any], ...]:
+        """Manifolds of the variables that occur."""
+        return tuple(table.kind for table in self.posterior.problem.tables)
 
     def keys(self, kind: type[Any] | None = None) -> Index:
         """Keys of all variables of one kind, in the order of addition; by default of the poses."""
-        return self.posterior.problem.tables[self._table(kind)].keys.copy()
+        keys: Index = self.posterior.problem.tables[self._table(kind)].keys.copy()
+        return keys
 
     def value(self, key: int) -> Any:
         """Value of one variable, as the type that it was added as."""
@@ -91,15 +99,19 @@ class Solution:
             InputError: variables or factors of the graph changed since; use `apply`.
         """
         if self._graph.structure != self._structure:
-            raise InputError("the graph has changed since it was solved; take what you need with Solution.apply")
+            raise InputError(
+                "the graph has changed since it was solved; take what you need with Solution.apply"
+            )
         twin = self._graph.copy()
         self.apply(twin)
         return twin
 
-    # --- covariance --------------------------------------------------------------------------------------------
+    # --- covariance
+    # --------------------------------------------------------------------------------------------
 
     def covariance(self, key: int) -> Array:
-        """Marginal covariance ``(dim, dim)`` of one variable, in the tangent of `retract`; zero if it was held.
+        """Marginal covariance ``(dim, dim)`` of one variable, in the tangent of `retract`; zero if it was
+        held.
 
         Raises:
             InputError: an unknown key, or measurements that leave variables free.
@@ -114,7 +126,7 @@ class Solution:
         Raises:
             InputError: no such kind, or measurements that leave variables free.
         """
-        return self.posterior.marginals(self._table(kind))
+        return self._determined().marginals(self._table(kind))
 
     def joint_covariance(self, keys: ArrayLike) -> Array:
         """Dense covariance of several variables together, blocks in the order of `keys`."""
@@ -122,26 +134,37 @@ class Solution:
         problem = self.posterior.problem
         columns = np.array([problem.columns[table][row] for table, row in places], np.int64)
         sizes = np.array([problem.tables[table].kind.dim for table, _ in places], np.int64)
-        return self.posterior.joint(columns, sizes)
+        return self._determined().joint(columns, sizes)
 
-    # --- for people --------------------------------------------------------------------------------------------
+    def _determined(self) -> Posterior:
+        if self.status is Status.UNDERCONSTRAINED:  # rounding may have made the factorisation pass
+            raise InputError(NO_COVARIANCE)
+        return self.posterior
+
+    # --- for people
+    # --------------------------------------------------------------------------------------------
 
     def __str__(self) -> str:
-        lines = [self.status.value,
-                 f"chi2 {self.chi2_initial:.6g} -> {self.chi2:.6g} in {self.iterations} iterations "
-                 f"({1e3 * self.seconds['total']:.1f} ms), initial guess: {self.init}"]
+        lines = [
+            self.status.value,
+            f"chi2 {self.chi2_initial:.6g} -> {self.chi2:.6g} in {self.iterations} iterations "
+            f"({1e3 * self.seconds['total']:.1f} ms), initial guess: {self.init}",
+        ]
         return "\n".join([*lines, *self.diagnosis])
 
     def __repr__(self) -> str:
         return f"<Solution: {self.status.name}, chi2 {self.chi2:.6g}, {self.iterations} iterations>"
 
-    # --- looking up --------------------------------------------------------------------------------------------
+    # --- looking up
+    # --------------------------------------------------------------------------------------------
 
     @cached_property
     def _sorted(self) -> list[tuple[Index, Index]]:
         orders = [np.argsort(table.keys, kind="stable") for table in self.posterior.problem.tables]
-        return [(table.keys[order], order)
-                for table, order in zip(self.posterior.problem.tables, orders, strict=True)]
+        return [
+            (table.keys[order], order)
+            for table, order in zip(self.posterior.problem.tables, orders, strict=True)
+        ]
 
     def _locate(self, key: int) -> tuple[int, int]:
         for number, (keys, order) in enumerate(self._sorted):
@@ -152,7 +175,11 @@ class Solution:
 
     def _table(self, kind: type[Any] | None) -> int:
         kinds = [table.kind for table in self.posterior.problem.tables]
-        candidates = [k for k in kinds if k in (SE2, SE3)] or kinds if kind is None else [k for k in kinds if k is kind]
+        candidates = (
+            [k for k in kinds if k in (SE2, SE3)] or kinds
+            if kind is None
+            else [k for k in kinds if k is kind]
+        )
         if len(candidates) != 1:
             have = ", ".join(k.__name__ for k in kinds) or "no variables"
             raise InputError(f"say which kind of variable; the solution has {have}")

@@ -14,8 +14,8 @@ class Status(Enum):
         "another initial guess."
     )
     STALLED = (
-        "No step lowers the cost although the gradient is not zero; look for a factor whose Jacobian is wrong or "
-        "for a cost that is not smooth."
+        "No step lowers the cost although the gradient is not zero; look for a factor whose Jacobian is "
+        "wrong or for a cost that is not smooth."
     )
     UNDERCONSTRAINED = (
         "The measurements leave some variables free to move; the values given are one of many solutions. "
@@ -26,10 +26,10 @@ class Status(Enum):
         "robust kernel."
     )
     NOT_FINITE = (
-        "A cost or step is infinite or not a number; look for infinite information or values far out of range."
+        "A cost or step is infinite or not a number; look for infinite information or values out of range."
     )
     STOPPED = "Stopped by the callback."
-    NOTHING_TO_DO = "All variables are constant or the graph is empty; the values are those that were given."
+    NOTHING_TO_DO = "All variables are constant or there are none; the values are those that were given."
 
     @property
     def ok(self) -> bool:

@@ -23,10 +23,14 @@ def tree_guess(relations: Relations, suspicious: bool) -> Array:
     forest = _native.solve.spanning_forest(count, relations.i, relations.j, relations.known)
     if suspicious:
         odometry = np.flatnonzero(relations.odometry)
-        careful = _native.solve.spanning_forest(count, relations.i[odometry], relations.j[odometry], relations.known)
+        careful = _native.solve.spanning_forest(
+            count, relations.i[odometry], relations.j[odometry], relations.known
+        )
         if careful[4].max(initial=-1) == forest[4].max(initial=-1):
             forest, edges = careful, odometry
-    values = relations.start.copy()
+    values: Array = relations.start.copy()
     node, parent, edge, forward, _ = forest
-    _native.solve.compose_tree(node, parent, edge, forward, np.ascontiguousarray(relations.measurement[edges]), values)
+    _native.solve.compose_tree(
+        node, parent, edge, forward, np.ascontiguousarray(relations.measurement[edges]), values
+    )
     return values

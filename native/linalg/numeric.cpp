@@ -1,0 +1,167 @@
+#include "linalg/numeric.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <cstring>
+
+namespace clew::linalg {
+
+namespace {
+
+template <int32_t Rows, int32_t Cols>
+inline void copy_straight(const double* from, double* to, int64_t stride, int32_t rows = Rows, int32_t cols = Cols) {
+    for (int32_t j = 0; j < cols; ++j) {
+        for (int32_t i = 0; i < rows; ++i) to[i + j * stride] = from[i * cols + j];
+    }
+}
+
+void copy_block(const BlockCopy& copy, const double* values, double* factor) {
+    const double* from = values + copy.source;
+    double* to = factor + copy.target;
+    switch (copy.kind) {
+        case BlockCopy::kStraight:
+            if (copy.rows == 3 && copy.cols == 3) return copy_straight<3, 3>(from, to, copy.stride);
+            if (copy.rows == 6 && copy.cols == 6) return copy_straight<6, 6>(from, to, copy.stride);
+            return copy_straight<0, 0>(from, to, copy.stride, copy.rows, copy.cols);
+        case BlockCopy::kTransposed:
+            for (int32_t j = 0; j < copy.cols; ++j) {
+                for (int32_t i = 0; i < copy.rows; ++i) to[i + j * copy.stride] = from[j * copy.rows + i];
+            }
+            return;
+        case BlockCopy::kDiagonal:
+            for (int32_t j = 0; j < copy.cols; ++j) {
+                for (int32_t i = j; i < copy.rows; ++i) to[i + j * copy.stride] = from[i * copy.cols + j];
+            }
+            return;
+    }
+}
+
+bool all_finite(const double* x, int64_t n) {
+    return std::all_of(x, x + n, [](double v) { return std::isfinite(v); });
+}
+
+}  // namespace
+
+Numeric::Numeric(const Symbolic& symbolic, int threads, bool keep_updates)
+    : symbolic_(symbolic), threads_(threads), keep_updates_(keep_updates),
+      schedule_(make_schedule(symbolic, threads, keep_updates)), kernels_(CLEW_DISPATCH(dense_kernels)()),
+      factor_(symbolic.factor_size), workspace_(schedule_.workspace_size), weakest_of_(symbolic.count()) {}
+
+void Numeric::factorize(const double* values, const double* damping, const std::vector<int32_t>* changed) {
+    std::vector<bool> redo(symbolic_.count(), changed == nullptr);
+    if (changed != nullptr) {
+        for (int32_t v : *changed) {
+            for (int32_t s = symbolic_.front_of[symbolic_.position[v]]; s != -1 && !redo[s];
+                 s = symbolic_.fronts[s].parent) {
+                redo[s] = true;
+            }
+        }
+    }
+    // Every task runs to its first failure, so that the first of all does not depend on threads.
+    constexpr int32_t kNone = std::numeric_limits<int32_t>::max();
+    std::vector<int32_t> failures(schedule_.tasks.size() + 1, kNone);
+    for_each_task<Scratch>(schedule_, [&](size_t t, Scratch& scratch) {
+        for (int32_t s = schedule_.tasks[t].begin; s < schedule_.tasks[t].end && failures[t] == kNone; ++s) {
+            const int32_t column = redo[s] ? factor_front(s, values, damping, scratch) : -1;
+            if (column >= 0) failures[t] = column;
+        }
+    });
+    int32_t failed = *std::min_element(failures.begin(), failures.end());
+    if (!schedule_.top.empty() && failed == kNone) {
+        Scratch scratch(symbolic_);
+        for (int32_t s : schedule_.top) {
+            const int32_t column = redo[s] ? factor_front(s, values, damping, scratch) : -1;
+            if (column < 0) continue;
+            failed = column;
+            break;
+        }
+    }
+    status_ = Status::kOk;
+    failed_variable_ = -1;
+    weakest_ = {};
+    if (failed == kNone) {
+        for (const WeakestPivot& w : weakest_of_) {
+            if (w.ratio < weakest_.ratio) weakest_ = w;
+        }
+        return;
+    }
+    failed_variable_ = variable_of_column(failed);
+    weakest_ = {0.0, failed};
+    const bool finite = all_finite(values, symbolic_.values_size) &&
+                        (damping == nullptr || all_finite(damping, symbolic_.dim));
+    status_ = finite ? Status::kNotPositiveDefinite : Status::kNotFinite;
+}
+
+// Assembles and eliminates one front; returns the scalar column (in elimination order) of a bad pivot, or -1.
+int32_t Numeric::factor_front(int32_t s, const double* values, const double* damping, Scratch& scratch) {
+    const Front& front = symbolic_.fronts[s];
+    const Front& next = symbolic_.fronts[s + 1];
+    double* d = factor_.data() + front.d;
+    double* b = factor_.data() + front.b;
+    double* update = workspace_.data() + schedule_.update[s];
+    const double* workspace = workspace_.data();
+    const int32_t n = front.pivots;
+
+    std::memset(d, 0, static_cast<size_t>(next.d - front.d) * sizeof(double));
+    for (int64_t q = front.copies; q < next.copies; ++q) copy_block(symbolic_.copies[q], values, factor_.data());
+    if (damping != nullptr) {
+        double* diagonal = d;
+        for (int32_t k = front.first; k < front.last; ++k) {
+            const double* extra = damping + symbolic_.variable_starts[symbolic_.order[k]];
+            const int32_t size = symbolic_.size_at(k);
+            for (int32_t i = 0; i < size; ++i, diagonal += front.ld_d + 1) *diagonal += extra[i];
+        }
+    }
+    for (int32_t p = 0; p < n; ++p) scratch.diagonal[p] = d[p + int64_t{p} * front.ld_d];
+
+    const Run* runs = symbolic_.runs.data();
+    for (int64_t q = front.children; q < next.children; ++q) {
+        const int32_t c = symbolic_.children[q];
+        const Front& child = symbolic_.fronts[c];
+        kernels_.add_to_panel(workspace + schedule_.update[c], child.ld_b, runs + child.runs,
+                              runs + child.remaining_runs, runs + symbolic_.fronts[c + 1].runs, d, front.ld_d, b,
+                              front.ld_b);
+    }
+    const int32_t bad = kernels_.cholesky(n, d, front.ld_d, scratch.multiply.data());
+    if (bad >= 0) return front.column + bad;
+
+    WeakestPivot weakest;
+    for (int32_t p = 0; p < n; ++p) {
+        const double reciprocal = d[p + int64_t{p} * front.ld_d];
+        const double ratio = 1.0 / (reciprocal * reciprocal * scratch.diagonal[p]);
+        if (ratio < weakest.ratio) weakest = {ratio, front.column + p};
+    }
+    weakest_of_[s] = weakest;
+    if (front.updates == 0) return -1;
+
+    kernels_.solve_transposed(front.updates, n, d, front.ld_d, b, front.ld_b, scratch.multiply.data());
+    kernels_.multiply({front.updates, front.updates, n, b, front.ld_b, b, 1, front.ld_b, update, front.ld_b,
+                       Product::kSetNegative, true}, scratch.multiply.data());
+    for (int64_t q = front.children; q < next.children; ++q) {
+        const int32_t c = symbolic_.children[q];
+        const Front& child = symbolic_.fronts[c];
+        kernels_.add_to_update(workspace + schedule_.update[c], child.ld_b, runs + child.remaining_runs,
+                               runs + symbolic_.fronts[c + 1].runs, update, front.ld_b);
+    }
+    return -1;
+}
+
+int32_t Numeric::variable_of_column(int32_t column) const {
+    const auto after = std::upper_bound(symbolic_.starts.begin(), symbolic_.starts.end(), column);
+    return symbolic_.order[after - symbolic_.starts.begin() - 1];
+}
+
+int32_t Numeric::weakest_variable() const {
+    return weakest_.column < 0 ? -1 : variable_of_column(weakest_.column);
+}
+
+double Numeric::log_determinant() const {
+    double sum = 0;
+    for (int32_t s = 0; s < symbolic_.count(); ++s) {
+        const Front& front = symbolic_.fronts[s];
+        for (int32_t p = 0; p < front.pivots; ++p) sum -= 2.0 * std::log(d(front)[p + int64_t{p} * front.ld_d]);
+    }
+    return sum;
+}
+
+}  // namespace clew::linalg

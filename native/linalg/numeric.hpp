@@ -1,0 +1,111 @@
+// The numeric factor of one matrix and what can be asked of it.
+#pragma once
+
+#include <algorithm>
+#include <atomic>
+#include <functional>
+#include <limits>
+#include <memory>
+#include <thread>
+#include <vector>
+
+#include "linalg/buffer.hpp"
+#include "linalg/dense.hpp"
+#include "linalg/schedule.hpp"
+
+namespace clew::linalg {
+
+enum class Status { kOk = 0, kNotPositiveDefinite = 1, kNotFinite = 2 };
+
+// The smallest ratio of a pivot to the diagonal entry that it was before elimination, and the scalar column (in
+// elimination order) where it occurs.
+struct WeakestPivot {
+    double ratio = std::numeric_limits<double>::infinity();
+    int32_t column = -1;
+};
+
+// A block of the inverse: rows of the variable at position `row`, columns of the one at `col`, `row >= col`, written
+// row-major to `target`, transposed if asked.
+struct InverseBlock {
+    int32_t row, col;
+    bool transposed;
+    int64_t target;
+};
+
+class Numeric {
+public:
+    Numeric(const Symbolic& symbolic, int threads, bool keep_updates);
+
+    // `damping` (dim, in the order of the variables) may be null. `changed` marks the variables whose blocks differ
+    // from the last call, which must have ended well with kept updates; null means all.
+    void factorize(const double* values, const double* damping, const std::vector<int32_t>* changed);
+
+    void solve(double* x) const;                            // (dim), in place
+    void solve_many(double* x, int32_t columns) const;      // (dim, columns) row-major, in place
+    double log_determinant() const;
+
+    // Takahashi's selected inverse; `wanted` is sorted by `col` and lies within the factor's pattern.
+    void inverse_blocks(const std::vector<InverseBlock>& wanted, double* out);
+    // Whether the factor stores the block of two positions.
+    bool stores(int32_t row, int32_t col) const;
+    // Dense covariance (d, d), row-major, of variables in their given order.
+    void joint_covariance(const std::vector<int32_t>& variables, double* out) const;
+
+    const Symbolic& symbolic() const { return symbolic_; }
+    bool keeps_updates() const { return keep_updates_; }
+    Status status() const { return status_; }
+    int32_t failed_variable() const { return failed_variable_; }
+    double weakest_ratio() const { return weakest_.ratio; }
+    int32_t weakest_variable() const;
+    int64_t bytes() const { return (factor_.size() + workspace_.size()) * static_cast<int64_t>(sizeof(double)); }
+
+private:
+    struct Scratch;
+    class InverseFront;
+    int32_t factor_front(int32_t s, const double* values, const double* damping, Scratch& scratch);
+    int32_t variable_of_column(int32_t column) const;
+    template <class State, class Work>
+    void for_each_task(const Schedule& schedule, Work work) const;
+
+    const double* d(const Front& front) const { return factor_.data() + front.d; }
+    const double* b(const Front& front) const { return factor_.data() + front.b; }
+
+    const Symbolic& symbolic_;
+    int threads_;
+    bool keep_updates_;
+    Schedule schedule_;
+    const DenseKernels& kernels_;
+    Buffer factor_, workspace_;
+    std::vector<WeakestPivot> weakest_of_;  // (fronts)
+    WeakestPivot weakest_;
+    Status status_ = Status::kOk;
+    int32_t failed_variable_ = -1;
+};
+
+// Storage of one thread for the dense kernels.
+struct Numeric::Scratch {
+    explicit Scratch(const Symbolic& symbolic)
+        : multiply(CLEW_DISPATCH(multiply_scratch)(std::max(symbolic.largest_pivots, symbolic.largest_updates))),
+          diagonal(static_cast<size_t>(symbolic.largest_pivots)) {}
+    Buffer multiply;
+    std::vector<double> diagonal;
+};
+
+// Runs work(task, state) for all subtrees, on as many threads as are wanted; each has a state of its own.
+template <class State, class Work>
+void Numeric::for_each_task(const Schedule& schedule, Work work) const {
+    const size_t tasks = schedule.tasks.size();
+    const size_t threads = std::min(static_cast<size_t>(threads_), tasks);
+    std::vector<std::unique_ptr<State>> states;  // made before threads start: running out of memory stays an exception
+    for (size_t t = 0; t < threads; ++t) states.push_back(std::make_unique<State>(symbolic_));
+    std::atomic<size_t> next{0};
+    const auto run = [&](State& state) {
+        for (size_t t = next++; t < tasks; t = next++) work(t, state);
+    };
+    std::vector<std::thread> helpers;
+    for (size_t t = 1; t < threads; ++t) helpers.emplace_back(run, std::ref(*states[t]));
+    if (threads > 0) run(*states[0]);
+    for (std::thread& helper : helpers) helper.join();
+}
+
+}  // namespace clew::linalg

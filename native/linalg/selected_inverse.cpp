@@ -1,0 +1,170 @@
+// Chosen blocks of the inverse without the inverse.
+//
+// Takahashi, Fagan, Chen, "Formation of a sparse bus impedance matrix and its application to short circuit study"
+// (PICA 1973), on dense fronts. With L11, L21 of a front, G = L21 L11^-1 and Z_RR the inverse at its update rows:
+//   Z_RP = -Z_RR G,   Z_PP = (L11 L11^T)^-1 + G^T Z_RR G = (L11 L11^T)^-1 - G^T Z_RP.
+// From root to leaves each front hands Z_RR to its children, in the places where their update matrices had been.
+#include <algorithm>
+#include <cstring>
+
+#include "linalg/numeric.hpp"
+
+namespace clew::linalg {
+
+namespace {
+
+int64_t padded(int32_t n) { return (n + 3) / 4 * 4; }
+
+void negate(double* x, int64_t n) {
+    for (int64_t i = 0; i < n; ++i) x[i] = -x[i];
+}
+
+// Copies the lower triangle to the upper, in tiles that stay in cache.
+void mirror(double* z, int32_t n, int64_t ld) {
+    constexpr int32_t kTile = 16;
+    for (int32_t jj = 0; jj < n; jj += kTile) {
+        for (int32_t ii = jj; ii < n; ii += kTile) {
+            for (int32_t j = jj; j < std::min(n, jj + kTile); ++j) {
+                for (int32_t i = std::max(ii, j + 1); i < std::min(n, ii + kTile); ++i) z[j + i * ld] = z[i + j * ld];
+            }
+        }
+    }
+}
+
+}  // namespace
+
+// The inverse at the rows of one front, and what is needed to form it.
+class Numeric::InverseFront {
+public:
+    explicit InverseFront(const Symbolic& symbolic) : scratch_(symbolic) {
+        int64_t size = 0;
+        for (const Front& f : symbolic.fronts) {
+            const int64_t k = padded(f.pivots);
+            size = std::max(size, k * (2 * f.pivots + int64_t{f.updates}) + int64_t{f.ld_b} * f.pivots);
+        }
+        storage_ = Buffer(size);
+    }
+
+    // `z_rr`: the inverse at the update rows, both triangles, leading dimension ld_b.
+    void invert(const Numeric& factor, const Front& f, const double* z_rr) {
+        const DenseKernels& kernels = factor.kernels_;
+        double* scratch = scratch_.multiply.data();
+        const int32_t k = f.pivots, m = f.updates;
+        ld_d = padded(k);
+        double* w = storage_.data();                       // L11^-T
+        z_pp = w + ld_d * k;
+        double* minus_gt = z_pp + ld_d * k;                // -G^T
+        z_rp = minus_gt + ld_d * m;
+        std::memset(w, 0, static_cast<size_t>(ld_d * k) * sizeof(double));
+        for (int32_t p = 0; p < k; ++p) w[p + p * ld_d] = 1.0;
+        kernels.solve_transposed(k, k, factor.d(f), f.ld_d, w, ld_d, scratch);
+        kernels.multiply({k, k, k, w, ld_d, w, 1, ld_d, z_pp, ld_d, Product::kSetNegative, false}, scratch);
+        if (m > 0) {
+            kernels.multiply({k, m, k, w, ld_d, factor.b(f), 1, f.ld_b, minus_gt, ld_d, Product::kSetNegative, false},
+                             scratch);
+            kernels.multiply({m, k, m, z_rr, f.ld_b, minus_gt, 1, ld_d, z_rp, f.ld_b, Product::kSetNegative, false},
+                             scratch);
+            negate(z_rp, int64_t{f.ld_b} * k);
+            kernels.multiply({k, k, m, minus_gt, ld_d, z_rp, f.ld_b, 1, z_pp, ld_d, Product::kSubtract, false},
+                             scratch);
+        }
+        negate(z_pp, ld_d * k);
+    }
+
+    // The inverse at the update rows of a child.
+    void hand_down(const Symbolic& symbolic, const Front& f, const double* z_rr, int32_t c, double* to) const {
+        const Front& child = symbolic.fronts[c];
+        const Run* runs = symbolic.runs.data();
+        const Run *remaining = runs + child.remaining_runs, *end = runs + symbolic.fronts[c + 1].runs;
+        for (const Run* across = runs + child.runs; across != end; ++across) {
+            for (int32_t j = 0; j < across->length; ++j) {
+                double* column = to + (across->from + j) * int64_t{child.ld_b};
+                const Run* down = across;
+                const double* below = z_rr;
+                if (across < remaining) {
+                    for (; down != remaining; ++down) {
+                        std::copy_n(z_pp + down->to + (across->to + j) * ld_d, down->length, column + down->from);
+                    }
+                    below = z_rp;
+                }
+                for (; down != end; ++down) {
+                    std::copy_n(below + down->to + (across->to + j) * int64_t{f.ld_b}, down->length,
+                                column + down->from);
+                }
+            }
+        }
+        mirror(to, child.updates, child.ld_b);
+    }
+
+    void write(const Symbolic& symbolic, const Front& f, int64_t rows_end, const InverseBlock& block,
+               double* out) const {
+        const int64_t column = symbolic.starts[block.col] - f.column;
+        const double* z = z_pp + (symbolic.starts[block.row] - f.column) + column * ld_d;
+        int64_t ld = ld_d;
+        if (block.row >= f.last) {
+            const auto begin = symbolic.rows.begin();
+            const auto row = std::lower_bound(begin + f.rows, begin + rows_end, block.row) - begin;
+            z = z_rp + symbolic.row_offsets[row] + column * f.ld_b;
+            ld = f.ld_b;
+        }
+        const int32_t rows = symbolic.size_at(block.row), cols = symbolic.size_at(block.col);
+        const int32_t across = block.transposed ? 1 : cols, down = block.transposed ? rows : 1;
+        for (int32_t j = 0; j < cols; ++j) {
+            for (int32_t i = 0; i < rows; ++i) out[block.target + i * across + j * down] = z[i + j * ld];
+        }
+    }
+
+private:
+    Scratch scratch_;
+    Buffer storage_;
+    int64_t ld_d = 0;
+    double* z_pp = nullptr;
+    double* z_rp = nullptr;
+};
+
+bool Numeric::stores(int32_t row, int32_t col) const {
+    const int32_t s = symbolic_.front_of[col];
+    const Front& f = symbolic_.fronts[s];
+    const auto begin = symbolic_.rows.begin();
+    return row < f.last || std::binary_search(begin + f.rows, begin + symbolic_.fronts[s + 1].rows, row);
+}
+
+void Numeric::inverse_blocks(const std::vector<InverseBlock>& wanted, double* out) {
+    const Symbolic& sym = symbolic_;
+    std::vector<bool> needed(sym.count(), false);
+    for (const InverseBlock& block : wanted) {
+        for (int32_t s = sym.front_of[block.col]; s != -1 && !needed[s]; s = sym.fronts[s].parent) needed[s] = true;
+    }
+    // Kept update matrices must survive: then the inverse gets places of its own.
+    Schedule own_schedule;
+    Buffer own_workspace;
+    if (keep_updates_) {
+        own_schedule = make_schedule(sym, threads_, false);
+        own_workspace = Buffer(own_schedule.workspace_size);
+    }
+    const Schedule& schedule = keep_updates_ ? own_schedule : schedule_;
+    double* workspace = keep_updates_ ? own_workspace.data() : workspace_.data();
+
+    const auto visit = [&](int32_t s, InverseFront& inverse) {
+        if (!needed[s]) return;
+        const Front &f = sym.fronts[s], &next = sym.fronts[s + 1];
+        const double* z_rr = workspace + schedule.update[s];
+        inverse.invert(*this, f, z_rr);
+        for (int64_t q = f.children; q < next.children; ++q) {
+            const int32_t c = sym.children[q];
+            if (needed[c]) inverse.hand_down(sym, f, z_rr, c, workspace + schedule.update[c]);
+        }
+        auto block = std::lower_bound(wanted.begin(), wanted.end(), f.first,
+                                      [](const InverseBlock& w, int32_t first) { return w.col < first; });
+        for (; block != wanted.end() && block->col < f.last; ++block) inverse.write(sym, f, next.rows, *block, out);
+    };
+    if (!schedule.top.empty()) {
+        InverseFront inverse(sym);
+        for (auto s = schedule.top.rbegin(); s != schedule.top.rend(); ++s) visit(*s, inverse);
+    }
+    for_each_task<InverseFront>(schedule, [&](size_t t, InverseFront& inverse) {
+        for (int32_t s = schedule.tasks[t].end - 1; s >= schedule.tasks[t].begin; --s) visit(s, inverse);
+    });
+}
+
+}  // namespace clew::linalg

@@ -1,0 +1,211 @@
+"""``clew optimize``: a pose graph file in, the optimised graph out."""
+
+from __future__ import annotations
+
+import json
+import math
+import time
+from enum import Enum
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+if TYPE_CHECKING:
+    from clew.io import GraphFile
+    from clew.noise import Kernel
+    from clew.solve import Solution
+
+
+class Method(str, Enum):
+    """Choices of ``--method``."""
+
+    LEVENBERG_MARQUARDT = "levenberg-marquardt"
+    GAUSS_NEWTON = "gauss-newton"
+    DOGLEG = "dogleg"
+
+
+class Init(str, Enum):
+    """Choices of ``--init``."""
+
+    AUTO = "auto"
+    FILE = "file"
+    TREE = "tree"
+    ROTATION = "rotation"
+
+
+def optimize(
+    graph: Annotated[Path, typer.Argument(help="Pose graph: g2o or TORO, plain or packed.")],
+    output: Annotated[Path | None, typer.Option("-o", "--output", help="Write the result as g2o.")] = None,
+    method: Annotated[Method, typer.Option(help="How steps are found.")] = Method.LEVENBERG_MARQUARDT,
+    robust: Annotated[
+        str | None,
+        typer.Option(
+            help="Robust kernel, NAME or NAME:SCALE: huber, pseudo-huber, cauchy, geman-mcclure, welsch, "
+            "tukey, dcs."
+        ),
+    ] = None,
+    init: Annotated[
+        Init,
+        typer.Option(
+            help="Initial guess: the file's values, a spanning tree, rotations first, or the best of these."
+        ),
+    ] = Init.AUTO,
+    max_iterations: Annotated[int, typer.Option(min=0, help="Limit on the steps tried.")] = 100,
+    marginals: Annotated[
+        Path | None, typer.Option(help="Write the covariance of every variable as CSV.")
+    ] = None,
+    plot: Annotated[Path | None, typer.Option(help="Draw the result as PNG.")] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object instead of text.")] = False,
+    threads: Annotated[int, typer.Option(min=1, help="Threads of the factorisation.")] = 1,
+) -> None:
+    """Optimise a pose graph and say how it went."""
+    clock = _Clock()
+    from clew.io import read_graph, write_graph
+    from clew.solve import optimize as solve
+
+    kernel = None if robust is None else parse_kernel(robust)
+    clock.skip()
+    file = read_graph(graph)
+    clock.lap("read")
+    _check(file, init)
+    solution = solve(
+        file.graph,
+        method=method.value,
+        init=init.value,
+        robust=kernel,
+        max_iterations=max_iterations,
+        threads=threads,
+    )
+    clock.skip()
+    clock.seconds["initialise"] = solution.seconds["initialise"]
+    clock.seconds["solve"] = solution.seconds["total"] - solution.seconds["initialise"]
+    if output is not None:
+        write_graph(output, solution.graph, features=file.features, unknown=file.report.unknown)
+    clock.lap("write")
+    if marginals is not None:
+        write_marginals(marginals, solution)
+    clock.lap("marginals")
+    if plot is not None:
+        from clew.view import plot_graph
+
+        plot_graph(solution, plot)
+    seconds = clock.finish()
+    typer.echo(_as_json(solution, seconds) if as_json else _as_text(file, solution, seconds))
+
+
+def parse_kernel(text: str) -> Kernel:
+    """The robust kernel that ``NAME`` or ``NAME:SCALE`` stands for.
+
+    Raises:
+        InputError: no such kernel, or a scale that is not a positive number.
+    """
+    from clew import noise
+    from clew.errors import InputError
+
+    kernels = {
+        "huber": noise.Huber,
+        "pseudo-huber": noise.PseudoHuber,
+        "cauchy": noise.Cauchy,
+        "geman-mcclure": noise.GemanMcClure,
+        "welsch": noise.Welsch,
+        "tukey": noise.Tukey,
+        "dcs": noise.DCS,
+    }
+    name, colon, scale = text.partition(":")
+    if name.lower() not in kernels:
+        raise InputError(f"--robust {text}: no kernel of that name; choose {', '.join(kernels)}")
+    kernel = kernels[name.lower()]
+    if not colon:
+        return kernel()
+    try:
+        number = float(scale)
+    except ValueError:
+        raise InputError(f"--robust {text}: {scale!r} is not a number") from None
+    return kernel(number)
+
+
+def write_marginals(path: Path, solution: Solution) -> None:
+    """Covariances as CSV: key, kind, then the matrix row by row, in the tangent of `retract`.
+
+    Raises:
+        InputError: the measurements leave variables free, or the file cannot be written.
+    """
+    from clew.io import atomic_write
+
+    with atomic_write(path) as file:
+        file.write("# key,kind,covariance row by row (translation first; m, rad; in the pose's frame)\n")
+        for kind in solution.kinds:
+            rows = solution.covariances(kind).reshape(-1, kind.dim**2).tolist()
+            for key, row in zip(solution.keys(kind).tolist(), rows, strict=True):
+                file.write(f"{key},{kind.name},{','.join(map(repr, row))}\n")
+
+
+def _check(file: GraphFile, init: Init) -> None:
+    from clew.errors import InputError
+
+    if init is Init.FILE and not file.has_values:
+        raise InputError(f"{file.path}: the file gives no values of vertices; use --init auto")
+
+
+def _as_json(solution: Solution, seconds: dict[str, float]) -> str:
+    return json.dumps(
+        {
+            "chi2_initial": _finite(solution.chi2_initial),
+            "chi2": _finite(solution.chi2),
+            "iterations": solution.iterations,
+            "status": solution.status.name.lower(),
+            "message": solution.status.value,
+            "init": solution.init,
+            "diagnosis": list(solution.diagnosis),
+            "seconds": seconds,
+        }
+    )
+
+
+def _finite(number: float) -> float | None:
+    return number if math.isfinite(number) else None  # JSON has no infinity
+
+
+def _as_text(file: GraphFile, solution: Solution, seconds: dict[str, float]) -> str:
+    graph, report = file.graph, file.report
+    counts = ", ".join(f"{count:,} {name}" for name, count in graph.counts.items())
+    lines = [f"{file.path.name}: {counts}"]
+    if len(report.reduced):
+        lines.append(
+            f"{len(report.reduced):,} edges have an indefinite information matrix (first in line "
+            f"{report.reduced[0]}); their translation and rotation blocks are used"
+        )
+    if len(report.created) and file.has_values:
+        lines.append(f"{len(report.created):,} vertices are only mentioned by edges")
+    for tag, count in report.unknown_tags.items():
+        lines.append(f"{count:,} lines {tag} are not understood and were left out")
+    lines.append(
+        f"chi2 {solution.chi2_initial:.6g} -> {solution.chi2:.6g} in {solution.iterations} iterations "
+        f"from the guess {solution.init!r}"
+    )
+    lines += [solution.status.value, *solution.diagnosis]
+    lines.append(", ".join(f"{stage} {1e3 * spent:.0f} ms" for stage, spent in seconds.items()))
+    return "\n".join(lines)
+
+
+class _Clock:
+    """Seconds by stage."""
+
+    def __init__(self) -> None:
+        self._start = self._last = time.perf_counter()
+        self.seconds = dict.fromkeys(("read", "initialise", "solve", "marginals", "write"), 0.0)
+
+    def skip(self) -> None:
+        """Leave the time since the last lap to no stage."""
+        self._last = time.perf_counter()
+
+    def lap(self, stage: str) -> None:
+        """Count the time since the last lap."""
+        now = time.perf_counter()
+        self.seconds[stage] = now - self._last
+        self._last = now
+
+    def finish(self) -> dict[str, float]:
+        """All stages and the total."""
+        return {**self.seconds, "total": time.perf_counter() - self._start}

@@ -1,0 +1,90 @@
+"""Initial guesses: exact on exact data, in every direction of the edges, and the best of them is taken."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+import clew
+from clew import _native
+from clew.solve import Status
+
+
+def exact_world(kind: Any, seed: int) -> tuple[clew.FactorGraph, Any, Any]:
+    """Poses and landmarks with exact measurements between them, and values that say nothing."""
+    generator = np.random.default_rng(seed)
+    truth = kind.exp(np.pi * generator.standard_normal((12, kind.dim)) / 2)
+    points = generator.standard_normal((4, kind.space))
+    graph = clew.FactorGraph()
+    keys = graph.add_pose(kind.identity((12,)), key=100 - np.arange(12))
+    a = np.concatenate([np.arange(11), generator.integers(0, 12, 8)])
+    b = np.concatenate([np.arange(1, 12), generator.integers(0, 12, 8)])
+    turn = generator.random(len(a)) < 0.5
+    a, b = np.where(turn, b, a)[a != b], np.where(turn, a, b)[a != b]
+    graph.add(clew.Prior(keys[3], truth[3], sigmas=0.1))
+    graph.add(clew.Between(keys[a], keys[b], truth[a].between(truth[b]), sigmas=0.1))
+    landmarks = graph.add_point(np.zeros((4, kind.space)))
+    sensor = kind.exp(generator.standard_normal(kind.dim))
+    seen = truth[:4].compose(sensor).inverse().act(points)
+    graph.add(clew.PointObservation(keys[:4], landmarks, seen, sigmas=0.1, T_robot_sensor=sensor))
+    return graph, truth, points
+
+
+@pytest.mark.parametrize("kind", [clew.SE2, clew.SE3])
+@pytest.mark.parametrize("init", ["tree", "rotation", "auto"])
+@pytest.mark.parametrize("seed", range(5))
+def test_exact_measurements_give_exact_guesses(kind: Any, init: str, seed: int) -> None:
+    graph, truth, points = exact_world(kind, seed)
+    solution = clew.optimize(graph, init=init, max_iterations=0)
+    assert solution.chi2_initial == pytest.approx(0.0, abs=1e-15)
+    assert np.abs(truth.local(solution.values(kind))).max() < 1e-9
+    point = clew.Point2 if kind is clew.SE2 else clew.Point3
+    np.testing.assert_allclose(solution.values(point).array, points, atol=1e-9)
+
+
+def test_auto_keeps_current_values_that_are_better() -> None:
+    graph, _, _ = exact_world(clew.SE2, 0)
+    clew.optimize(graph, update=True)
+    loop = clew.Between(100, 95, clew.SE2(1, 2, 3), sigmas=1.0)
+    graph.add(loop)
+    solved = clew.optimize(graph, update=True)
+    again = clew.optimize(graph)
+    assert again.init == "file"
+    assert again.chi2_initial == pytest.approx(solved.chi2)
+
+
+def test_guesses_fall_back_where_a_graph_does_not_admit_them() -> None:
+    graph = clew.FactorGraph()
+    point = graph.add_point((5.0, 5.0))
+    graph.add(clew.Prior(point, clew.Point2(1, 1), sigmas=1.0))
+    for init in ("tree", "rotation", "auto"):
+        solution = clew.optimize(graph, init=init)
+        assert solution.init == "file"
+        assert solution.status is Status.CONVERGED
+
+
+def test_with_a_robust_kernel_the_tree_trusts_odometry() -> None:
+    graph = clew.FactorGraph()
+    keys = graph.add_pose(clew.SE2.identity((6,)))
+    graph.add(clew.Between(0, 5, clew.SE2(-50, 0, 1), sigmas=0.1, role="loop"))
+    graph.add(clew.Between(keys[:-1], keys[1:], clew.SE2(1, 0, 0), sigmas=0.1))
+    x = clew.optimize(graph, init="tree", robust=clew.Cauchy(), max_iterations=0).values().array[:, 0]
+    np.testing.assert_allclose(x, np.arange(6.0))
+    assert clew.optimize(graph, init="tree", max_iterations=0).values().array[5, 0] == -50
+
+
+def test_spanning_forest_by_hand() -> None:
+    i, j = np.array([0, 1, 3, 4]), np.array([1, 2, 2, 5])
+    none = np.empty(0, np.int64)
+    node, parent, edge, forward, component = _native.solve.spanning_forest(7, i, j, none)
+    assert node.tolist() == [0, 1, 2, 3, 4, 5, 6]
+    assert parent.tolist() == [-1, 0, 1, 2, -1, 4, -1]
+    assert edge.tolist() == [-1, 0, 1, 2, -1, 3, -1]
+    assert forward.tolist() == [1, 1, 1, 0, 1, 1, 1]
+    assert component.tolist() == [0, 0, 0, 0, 1, 1, 2]
+    seeded = _native.solve.spanning_forest(4, i[:3], j[:3], np.array([3]))
+    assert seeded[0].tolist() == [3, 2, 1, 0]
+    with pytest.raises(ValueError, match="does not exist"):
+        _native.solve.spanning_forest(3, i, j, none)

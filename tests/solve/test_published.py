@@ -1,0 +1,55 @@
+"""Published optima of real and standard graphs, reached from the files alone with default options."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import clew
+import numpy as np
+import pytest
+from clew.io import read_graph
+
+DATA = Path(__file__).parents[3] / "shared" / "data"
+OPTIMA = {
+    "graphs2d/CSAIL": 40.5551,
+    "graphs2d/manhattan": 3549.04,
+    "graphs2d/MIT": 41.1633,
+    "graphs2d/intel": 45.0047,
+    "graphs2d/city10000": 511.9852,
+    "graphs2d/ais2klinik": 172.8156,
+    "graphs3d/parking-garage": 1.268384,
+    "graphs3d/smallGrid3D": 1033.8944,
+    "graphs3d/sphere2500": 1351.3623,
+    "graphs3d/torus3D": 24233.019,
+}
+
+
+@pytest.mark.parametrize("name", OPTIMA)
+def test_default_options_reach_the_optimum(name: str) -> None:
+    path = DATA / f"{name}.g2o"
+    if not path.exists():
+        pytest.skip(f"needs {path}")
+    solution = clew.optimize(read_graph(path).graph)
+    assert solution.status.ok
+    assert solution.chi2 == pytest.approx(OPTIMA[name], rel=2e-6)
+    assert len(solution.free_parts) == 1
+
+
+@pytest.mark.parametrize("method", ["gauss-newton", "dogleg"])
+def test_all_methods_and_guesses_agree_on_intel(method: str) -> None:
+    path = DATA / "graphs2d/intel.g2o"
+    if not path.exists():
+        pytest.skip(f"needs {path}")
+    graph = read_graph(path).graph
+    for init in ("file", "tree", "rotation"):
+        assert clew.optimize(graph, method=method, init=init).chi2 == pytest.approx(45.0047, rel=2e-6)
+
+
+def test_marginals_of_intel_are_those_of_single_solves() -> None:
+    path = DATA / "graphs2d/intel.g2o"
+    if not path.exists():
+        pytest.skip(f"needs {path}")
+    solution = clew.optimize(read_graph(path).graph)
+    everyone, keys = solution.covariances(), solution.keys()
+    for place in (1, 400, 1727):
+        np.testing.assert_allclose(everyone[place], solution.covariance(int(keys[place])), rtol=1e-8)
