@@ -11,8 +11,7 @@ namespace {
 using linalg::Multiply;
 using linalg::Product;
 
-constexpr int kBlock = 8;        // columns that are solved within registers
-constexpr int kWideBlock = 64;   // columns that are updated by one product from all columns before them
+constexpr int kBlock = 8;  // columns that are solved within registers
 constexpr double kLargest = 1.7976931348623157e308;
 
 template <int N>
@@ -85,60 +84,37 @@ void solve_of(int n, int rows, const double* d, int64_t ldd, double* x, int64_t 
     }
 }
 
-int lesser(int a, int b) { return a < b ? a : b; }
-
-// Left-looking in two levels: wide blocks are brought up to date by one large product, small ones within them.
-int32_t cholesky(int32_t n, double* d, int64_t ldd, double* scratch) {
-    for (int wide = 0; wide < n; wide += kWideBlock) {
-        const int end = lesser(n, wide + kWideBlock);
-        if (wide > 0) {
-            multiply({n - wide, end - wide, wide, d + wide, ldd, d + wide, 1, ldd, d + wide + wide * ldd, ldd,
-                      Product::kSubtract, true}, scratch);
-        }
-        for (int j = wide; j < end; j += kBlock) {
-            const int cols = lesser(kBlock, end - j);
-            double* diagonal = d + j + j * ldd;
-            if (j > wide) {
-                const double* left = d + j + wide * ldd;
-                multiply({n - j, cols, j - wide, left, ldd, left, 1, ldd, diagonal, ldd, Product::kSubtract, true},
-                         scratch);
-            }
-            const int failed = cholesky_of(cols, diagonal, ldd);
-            if (failed >= 0) return j + failed;
-            if (j + cols < n) solve_of<true>(cols, n - j - cols, diagonal, ldd, diagonal + cols, ldd);
-        }
-    }
-    return -1;
-}
+// Recursion halves the triangle (in whole blocks), so that nearly all work is in large products.
+int first_half(int n) { return (n / 2 + kBlock - 1) / kBlock * kBlock; }
 
 void solve_transposed(int32_t rows, int32_t n, const double* d, int64_t ldd, double* x, int64_t ldx,
                       double* scratch) {
-    for (int wide = 0; wide < n; wide += kWideBlock) {
-        const int end = lesser(n, wide + kWideBlock);
-        if (wide > 0) {
-            multiply({rows, end - wide, wide, x, ldx, d + wide, 1, ldd, x + wide * ldx, ldx, Product::kSubtract, false},
-                     scratch);
-        }
-        for (int j = wide; j < end; j += kBlock) {
-            const int cols = lesser(kBlock, end - j);
-            if (j > wide) {
-                multiply({rows, cols, j - wide, x + wide * ldx, ldx, d + j + wide * ldd, 1, ldd, x + j * ldx, ldx,
-                          Product::kSubtract, false}, scratch);
-            }
-            solve_of<true>(cols, rows, d + j + j * ldd, ldd, x + j * ldx, ldx);
-        }
-    }
+    if (n <= kBlock) return solve_of<true>(n, rows, d, ldd, x, ldx);
+    const int n1 = first_half(n), n2 = n - n1;
+    solve_transposed(rows, n1, d, ldd, x, ldx, scratch);
+    multiply({rows, n2, n1, x, ldx, d + n1, 1, ldd, x + n1 * ldx, ldx, Product::kSubtract, false}, scratch);
+    solve_transposed(rows, n2, d + n1 + n1 * ldd, ldd, x + n1 * ldx, ldx, scratch);
 }
 
 void solve_straight(int32_t rows, int32_t n, const double* d, int64_t ldd, double* x, int64_t ldx, double* scratch) {
-    for (int j = (n - 1) / kBlock * kBlock; j >= 0; j -= kBlock) {
-        const int cols = lesser(kBlock, n - j), after = j + cols;
-        if (after < n) {
-            multiply({rows, cols, n - after, x + after * ldx, ldx, d + after + j * ldd, ldd, 1, x + j * ldx, ldx,
-                      Product::kSubtract, false}, scratch);
-        }
-        solve_of<false>(cols, rows, d + j + j * ldd, ldd, x + j * ldx, ldx);
-    }
+    if (n <= kBlock) return solve_of<false>(n, rows, d, ldd, x, ldx);
+    const int n1 = first_half(n), n2 = n - n1;
+    solve_straight(rows, n2, d + n1 + n1 * ldd, ldd, x + n1 * ldx, ldx, scratch);
+    multiply({rows, n1, n2, x + n1 * ldx, ldx, d + n1, ldd, 1, x, ldx, Product::kSubtract, false}, scratch);
+    solve_straight(rows, n1, d, ldd, x, ldx, scratch);
+}
+
+int32_t cholesky(int32_t n, double* d, int64_t ldd, double* scratch) {
+    if (n <= kBlock) return cholesky_of(n, d, ldd);
+    const int n1 = first_half(n), n2 = n - n1;
+    int failed = cholesky(n1, d, ldd, scratch);
+    if (failed >= 0) return failed;
+    double* below = d + n1;
+    double* rest = d + n1 + n1 * ldd;
+    solve_transposed(n2, n1, d, ldd, below, ldd, scratch);
+    multiply({n2, n2, n1, below, ldd, below, 1, ldd, rest, ldd, Product::kSubtract, true}, scratch);
+    failed = cholesky(n2, rest, ldd, scratch);
+    return failed < 0 ? failed : n1 + failed;
 }
 
 }  // namespace

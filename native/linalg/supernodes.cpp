@@ -10,7 +10,7 @@ namespace {
 // price, memory traffic of the panel and of the update matrix, arithmetic). Only ratios matter.
 double front_time(double k, double m) {
     const double flops = k * k * k / 3 + k * k * m + k * m * m;
-    return 150.0 + 0.6 * k * (k + m) + 0.7 * m * m + 0.05 * flops;
+    return 60.0 + 0.6 * k * (k / 2 + m) + 0.4 * m * m + 0.05 * flops;
 }
 
 // Merges a child into its parent when the merged front, with the zeros that it stores, costs less time than the two.

@@ -51,13 +51,18 @@ def random_information(pattern: BlockPattern, rng: np.random.Generator, weight: 
 
 
 @st.composite
-def patterns(draw: st.DrawFn, max_variables: int = 14, max_size: int = 6) -> BlockPattern:
-    """Random graphs with variables of mixed sizes; empty and disconnected ones among them."""
+def patterns(draw: st.DrawFn, max_variables: int = 60, max_size: int = 6) -> BlockPattern:
+    """Random graphs with variables of mixed sizes: empty, disconnected, chains with closures, tangles.
+
+    The upper half of the range gives trees of many fronts, the lower half single ones.
+    """
     n = draw(st.integers(0, max_variables))
     sizes = draw(st.lists(st.integers(1, max_size), min_size=n, max_size=n))
     vertex = st.integers(0, max(n - 1, 0))
-    edges = draw(st.lists(st.tuples(vertex, vertex), max_size=3 * n)) if n else []
-    return BlockPattern.from_pairs(sizes, [a for a, _ in edges], [b for _, b in edges])
+    """Values that are positive definite by diagonal dominance."""
+    gaps = draw(st.sets(vertex, max_size=5)) if draw(st.booleans()) else set(range(n))
+    pairs = closures + [(k, k - 1) for k in range(1, n) if k not in gaps]
+    return BlockPattern.from_pairs(sizes, [a for a, _ in pairs], [b for _, b in pairs])
 
 
 def grid(side: int, size: int = 3, diagonals: bool = False) -> BlockPattern:

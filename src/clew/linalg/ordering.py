@@ -10,8 +10,8 @@ from clew.linalg.pattern import Ints
 
 ORDERINGS = ("auto", "amd", "metis", "natural")
 
-#: Flops of the factorisation below which nested dissection would take longer than it could save.
-WORTH_DISSECTION = 3e8
+#: Flops a variable below which nested dissection takes longer than it saves in ten factorisations.
+WORTH_DISSECTION = 2e5
 
 
 def choose_order(analysis: _native.linalg.Analysis, variables: int, ordering: str) -> tuple[Ints, str]:
@@ -38,7 +38,7 @@ def choose_order(analysis: _native.linalg.Analysis, variables: int, ordering: st
     by_degree = analysis.amd()
     if ordering == "auto":
         work = analysis.flops(by_degree)
-        dissected = _nested_dissection(analysis, variables) if work > WORTH_DISSECTION else None
+        dissected = _nested_dissection(analysis, variables) if work > WORTH_DISSECTION * variables else None
         if dissected is not None and analysis.flops(dissected) < work:
             return dissected, "metis"
     return by_degree, "amd"
