@@ -73,10 +73,11 @@ def read_columns(what: str, **columns: ArrayLike) -> Array:
 def read_element(value: Any, kinds: Sequence[type[Manifold]], what: str) -> tuple[type[Manifold], Array]:
     """Kind and array of a geometry object, or of an array whose width tells the kind; raises `InputError`."""
     names = " or ".join(kind.name for kind in kinds)
+    for kind in kinds:
+        if isinstance(value, kind):
+            return kind, read_numbers(value.array, kind.storage, what)
     if isinstance(value, Manifold):
-        if type(value) not in kinds:
-            raise InputError(f"{what}: expected {names}, got {value.name}")
-        return type(value), read_numbers(value.array, value.storage, what)
+        raise InputError(f"{what}: expected {names}, got {value.name}")
     shape = np.shape(value)
     matching = [kind for kind in kinds if shape and kind.storage == shape[-1]]
     if len(matching) != 1:

@@ -39,6 +39,7 @@ class Batch:
 
     name: ClassVar[str]
     dim: ClassVar[int]
+    rotation_dim: ClassVar[int]
     storage: ClassVar[int]
     space: ClassVar[int]
     functions: ClassVar[ManifoldFunctions]
@@ -120,7 +121,9 @@ class Batch:
 
     def __repr__(self) -> str:
         values = primal(self._array)
-        text = np.array2string(values, precision=6, suppress_small=True, separator=", ", threshold=30)
+        text = np.array2string(
+            values, max_line_width=120, precision=6, suppress_small=True, separator=", ", threshold=30
+        )
         if values.ndim == 1:
             return f"{self.name}({text[1:-1].strip()})"
         return f"{self.name}(shape={self.shape},\n{text})"

@@ -48,6 +48,7 @@ class SO2(Batch):
 
     name: ClassVar[str] = "SO2"
     dim: ClassVar[int] = 1
+    rotation_dim: ClassVar[int] = 1
     storage: ClassVar[int] = 1
     space: ClassVar[int] = 2
     functions: ClassVar[ManifoldFunctions] = so2
@@ -68,6 +69,7 @@ class SE2(Batch):
 
     name: ClassVar[str] = "SE2"
     dim: ClassVar[int] = 3
+    rotation_dim: ClassVar[int] = 1
     storage: ClassVar[int] = 3
     space: ClassVar[int] = 2
     functions: ClassVar[ManifoldFunctions] = se2
@@ -108,6 +110,7 @@ class SO3(Batch):
 
     name: ClassVar[str] = "SO3"
     dim: ClassVar[int] = 3
+    rotation_dim: ClassVar[int] = 3
     storage: ClassVar[int] = 4
     space: ClassVar[int] = 3
     functions: ClassVar[ManifoldFunctions] = so3
@@ -145,6 +148,7 @@ class SE3(Batch):
 
     name: ClassVar[str] = "SE3"
     dim: ClassVar[int] = 6
+    rotation_dim: ClassVar[int] = 3
     storage: ClassVar[int] = 7
     space: ClassVar[int] = 3
     functions: ClassVar[ManifoldFunctions] = se3
@@ -213,6 +217,7 @@ class Point2(Batch):
 
     name: ClassVar[str] = "Point2"
     dim: ClassVar[int] = 2
+    rotation_dim: ClassVar[int] = 0
     storage: ClassVar[int] = 2
     space: ClassVar[int] = 2
     functions: ClassVar[ManifoldFunctions] = points
@@ -238,6 +243,7 @@ class Point3(Batch):
 
     name: ClassVar[str] = "Point3"
     dim: ClassVar[int] = 3
+    rotation_dim: ClassVar[int] = 0
     storage: ClassVar[int] = 3
     space: ClassVar[int] = 3
     functions: ClassVar[ManifoldFunctions] = points

@@ -43,6 +43,8 @@ class Manifold(Protocol):
     name: ClassVar[str]
     #: Length of a tangent.
     dim: ClassVar[int]
+    #: How many entries of a tangent are rotation, at its end: 0, 1 or 3.
+    rotation_dim: ClassVar[int]
     #: Length of one stored element.
     storage: ClassVar[int]
     #: Dimension of the space that elements live in and act on: 2 or 3.

@@ -125,7 +125,10 @@ def act_jacobians(a: Array, points: Array) -> tuple[Array, Array]:
 
 def tangent_basis(a: Array) -> Array:
     """Derivative ``(..., 3, 3)`` of the storage by the tangent of `retract` at zero."""
-    basis = np.zeros((*a.shape, 3))
-    basis[..., :2, :2] = so2.matrix(a[..., 2:])
-    basis[..., 2, 2] = 1.0
-    return basis
+    # laid out entry by entry, as forward differentiation uses it
+    entries = np.zeros((3, 3, *a.shape[:-1]))
+    entries[0, 0] = entries[1, 1] = np.cos(a[..., 2])
+    entries[0, 1] = np.sin(a[..., 2])
+    entries[1, 0] = -entries[0, 1]
+    entries[2, 2] = 1.0
+    return np.moveaxis(entries, (0, 1), (-1, -2))

@@ -44,7 +44,7 @@ class Factor(ABC):
         T_robot_sensor: storage of the sensor's pose on the robot, ``(storage,)``, or None for the identity.
     """
 
-    #: What `native/solve` may know the model as; with `kinds` it names the built-in kernel. None: plain Python.
+    #: Name of the model for `native/solve`, which with `kinds` finds its kernel; None: plain Python.
     native: ClassVar[str | None] = None
 
     keys: Keys
