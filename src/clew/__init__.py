@@ -27,7 +27,7 @@ _EXPORTS = {
     **dict.fromkeys(("Slam", "SlamConfig"), "slam"),
 }
 
-__all__ = ["__version__", *_EXPORTS]  # noqa: PLE0604
+__all__ = ["__version__", *_EXPORTS]
 
 
 def __getattr__(name: str) -> Any:

@@ -15,7 +15,7 @@ class Interrupt:
 
     def __init__(self) -> None:
         self.requested = False
-        self._previous: signal.Handlers | int | None | object = None
+        self._previous: signal.Handlers | int | object | None = None
 
     def __enter__(self) -> Interrupt:
         if threading.current_thread() is threading.main_thread():

@@ -10,8 +10,8 @@ from clew.geometry import SE2, se2
 from clew.graph import FactorGraph, Role
 from clew.noise import DCS
 from clew.place import Closure
-from clew.solve import Solution, optimize
 from clew.slam.keyframes import Keyframe
+from clew.solve import Solution, optimize
 
 Array = NDArray[np.float64]
 
