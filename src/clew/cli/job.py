@@ -61,7 +61,7 @@ def run_demo(out: Path, seed: int, seconds: float, json: bool, quiet: bool) -> N
     truth = log.T_world_robot[np.searchsorted(log.timestamps, stamps)]
     write_tum(out / "truth.tum", stamps, truth)
     errors = {
-        name: absolute_trajectory_error(stamps, estimate.T_world_robot, stamps, truth).translation.rmse
+        name: absolute_trajectory_error(stamps, truth, stamps, estimate.T_world_robot).translation.rmse
         for name, estimate in (("ate_m", result.slam.trajectory), ("odometry_ate_m", result.slam.odometry))
     }
     about = {"log": f"simulated, seed {seed}", **{name: round(error, 4) for name, error in errors.items()}}

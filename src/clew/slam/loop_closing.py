@@ -102,14 +102,15 @@ class LoopCloser:
         poses = self._graph.poses
         tree = cKDTree(poses[anchors, :2])
         ceiling = options.window_ceiling[0] + options.reach
-        distance, index = tree.query(poses[source, :2], k=SHORTLIST, distance_upper_bound=ceiling)
-        index = index[np.isfinite(distance)]
+        found = tree.query(poses[source, :2], k=SHORTLIST, distance_upper_bound=ceiling)
+        distance, index = (np.asarray(part) for part in found)
+        index, distance = index[np.isfinite(distance)], distance[np.isfinite(distance)]
         if not len(index):
             return none
         near = anchors[index].astype(np.int64)
         covariances = self._graph.relative_covariances(source, near)
         spread = options.sigmas * np.sqrt(covariances[:, 0, 0] + covariances[:, 1, 1])
-        possible = distance[np.isfinite(distance)] <= options.reach + spread
+        possible = distance <= options.reach + spread
         return near[possible], covariances[possible]
 
     def _window(self, covariance: Array) -> Array:

@@ -60,7 +60,7 @@ class PoseGraph:
             step = SE2.from_array(keyframe.T_previous_this)
             self.graph.add_pose(self.graph.value(k - 1) @ step, key=k)
             self.graph.add(Between(k - 1, k, step, information=keyframe.information, role=Role.ODOMETRY))
-            self._edge_covariances.append(np.linalg.inv(keyframe.information))
+            self._edge_covariances.append(np.asarray(np.linalg.inv(keyframe.information), dtype=np.float64))
         self._steps.append(keyframe.T_previous_this)
 
     def add_closure(self, closure: Closure, information: Array) -> int:

@@ -125,7 +125,7 @@ class Tracker:
             prior_sigmas=sigmas, prior_weight=options.prior_weight,
         )  # fmt: skip
         start = predicted if coarse is None else coarse.T_target_source
-        prior_information = self._slip(predicted, start, prior) * np.linalg.inv(prior)
+        prior_information = np.asarray(self._slip(predicted, start, prior) * np.linalg.inv(prior), dtype=np.float64)
         fine = align(
             self._map.index, SourceClouds.single(points), np.zeros((1, 2), dtype=np.int32), start[None],
             T_prior=predicted[None], prior_information=prior_information[None] / options.return_weight,
@@ -166,12 +166,13 @@ class Tracker:
         )
 
     def _add_keyframe(self, scan: LaserScan, points: ScanPoints) -> int:
-        step, local, path, information = self._T_keyframe_robot, np.zeros(3), 0.0, np.zeros((3, 3))
+        step, local, path = self._T_keyframe_robot, np.zeros(3), 0.0
+        information: Array = np.zeros((3, 3))
         if len(self._keyframes):
             previous = self._keyframes[len(self._keyframes) - 1]
             local = se2.compose(previous.T_local_robot, step)
             path = previous.path + float(np.hypot(step[0], step[1]))
-            information = np.linalg.inv(self._covariance)
+            information = np.asarray(np.linalg.inv(self._covariance), dtype=np.float64)
         index = self._keyframes.add(
             Keyframe(scan.timestamp, points, scan.T_robot_sensor, local, path, step, information)
         )
