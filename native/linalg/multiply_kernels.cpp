@@ -31,7 +31,10 @@ struct Operands {
 // One tile of V vectors of N rows by C columns, accumulated in registers.
 template <int N, int V, int C>
 inline void tile(const Operands& o) {
-    Vector<N> sum[V][C] = {};
+    Vector<N> sum[V][C];  // set one by one: an initialiser would clear memory, too
+    for (int v = 0; v < V; ++v) {
+        for (int j = 0; j < C; ++j) sum[v][j] = Vector<N>{};
+    }
     const double* a = o.a;
     const double* b = o.b;
     for (int p = 0; p < o.depth; ++p, a += o.lda, b += o.b_row) {

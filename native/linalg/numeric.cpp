@@ -8,8 +8,8 @@ namespace clew::linalg {
 
 namespace {
 
-template <int32_t Rows, int32_t Cols>
-inline void copy_straight(const double* from, double* to, int64_t stride, int32_t rows = Rows, int32_t cols = Cols) {
+// Inlined with constant sizes where they are common, so that the loops unroll.
+inline void copy_straight(const double* from, double* to, int64_t stride, int32_t rows, int32_t cols) {
     for (int32_t j = 0; j < cols; ++j) {
         for (int32_t i = 0; i < rows; ++i) to[i + j * stride] = from[i * cols + j];
     }
@@ -20,9 +20,9 @@ void copy_block(const BlockCopy& copy, const double* values, double* factor) {
     double* to = factor + copy.target;
     switch (copy.kind) {
         case BlockCopy::kStraight:
-            if (copy.rows == 3 && copy.cols == 3) return copy_straight<3, 3>(from, to, copy.stride);
-            if (copy.rows == 6 && copy.cols == 6) return copy_straight<6, 6>(from, to, copy.stride);
-            return copy_straight<0, 0>(from, to, copy.stride, copy.rows, copy.cols);
+            if (copy.rows == 3 && copy.cols == 3) return copy_straight(from, to, copy.stride, 3, 3);
+            if (copy.rows == 6 && copy.cols == 6) return copy_straight(from, to, copy.stride, 6, 6);
+            return copy_straight(from, to, copy.stride, copy.rows, copy.cols);
         case BlockCopy::kTransposed:
             for (int32_t j = 0; j < copy.cols; ++j) {
                 for (int32_t i = 0; i < copy.rows; ++i) to[i + j * copy.stride] = from[j * copy.rows + i];
