@@ -34,7 +34,8 @@ GRAPHS = {"intel": "graphs2d", "manhattan": "graphs2d", "city10000": "graphs2d",
 
 def main() -> None:
     """Measure and print."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--data", type=Path, default=DATA, help="folder with graphs2d/ and graphs3d/")
     parser.add_argument("--graphs", nargs="*", default=list(GRAPHS))
     parser.add_argument("--iterations", type=int, default=5)
@@ -54,8 +55,8 @@ def main() -> None:
 def iterations(options: argparse.Namespace, folder: Path) -> None:
     """The table of Gauss-Newton iterations, and marginals of sphere2500."""
     available = installed()
-    print(f"Milliseconds for one Gauss-Newton iteration, analysis included ({options.iterations} iterations from "
-          f"clew's rotation guess, fastest of {options.repeats}), and chi2 at the end.\n")
+    print(f"Milliseconds for one Gauss-Newton iteration, analysis included ({options.iterations} iterations "
+          f"from clew's rotation guess, fastest of {options.repeats}), and chi2 at the end.\n")
     header: list[str] | None = None
     ratios: dict[str, list[float]] = {}
     for name in options.graphs:

@@ -1,7 +1,7 @@
 """The same Gauss-Newton iterations in clew and in other programs.
 
-Each `run_*` reads a g2o file, does some iterations from the file's values and says how long one took, the analysis
-of the sparsity included, and what the cost was at the end. Reading is not timed.
+Each `run_*` reads a g2o file, does some iterations from the file's values and says how long one took, the
+analysis of the sparsity included, and what the cost was at the end. Reading is not timed.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ def run_clew(path: Path, solid: bool, iterations: int) -> Run:
 
 
 def run_gtsam(path: Path, solid: bool, iterations: int) -> Run:
-    """GTSAM's Gauss-Newton with the faster of its orderings COLAMD and METIS; the first pose has a tight prior."""
+    """GTSAM's Gauss-Newton with the faster of its orderings, COLAMD and METIS; the first pose has a prior."""
     import gtsam
 
     best = None
@@ -74,7 +74,8 @@ def run_gtsam(path: Path, solid: bool, iterations: int) -> Run:
 def run_g2o(path: Path, solid: bool, iterations: int) -> Run:
     """g2o's Gauss-Newton with Eigen's sparse Cholesky, the best direct solver in the wheel; first pose fixed.
 
-    The wheel's own reader knows no types, so the graph is read here (with the file's numbers as they are) and built.
+    The wheel's own reader knows no types, so the graph is read here, with the file's numbers as they are.
+    The wheel needs NumPy below 2.
     """
     import g2o
 
@@ -100,7 +101,8 @@ def run_g2o(path: Path, solid: bool, iterations: int) -> Run:
         optimizer.add_vertex(vertex)
         vertices[key] = vertex
     for block in graph.blocks():
-        for (i, j), z, information in zip(block.keys.tolist(), block.measurement, block.information, strict=True):
+        columns = block.keys.tolist(), block.measurement, block.information
+        for (i, j), z, information in zip(*columns, strict=True):
             edge = g2o.EdgeSE3() if solid else g2o.EdgeSE2()
             edge.set_vertex(0, vertices[i])
             edge.set_vertex(1, vertices[j])
@@ -118,7 +120,8 @@ def run_g2o(path: Path, solid: bool, iterations: int) -> Run:
 def run_ceres(path: Path, solid: bool, iterations: int) -> Run:
     """Ceres' own time for linear algebra.
 
-    The wheel has no relative-pose cost in C++. The one here is a Python callback, for the plane, and is not counted.
+    The wheel has no relative-pose cost in C++. The one here is a Python callback, for the plane, and is not
+    counted.
     """
     import numpy as np
     import pyceres
@@ -138,7 +141,7 @@ def run_ceres(path: Path, solid: bool, iterations: int) -> Run:
             self.set_num_residuals(3)
             self.set_parameter_block_sizes([3, 3])
 
-        def Evaluate(self, parameters, residuals, jacobians):  # type: ignore[no-untyped-def]  # noqa: N802
+        def Evaluate(self, parameters, residuals, jacobians):  # type: ignore[no-untyped-def]
             a, b = (np.array(p)[None] for p in parameters)
             residuals[:] = self.root @ self.factor.residual(a, b, measurement=self.z)[0]
             if jacobians is not None:
@@ -168,7 +171,8 @@ def run_ceres(path: Path, solid: bool, iterations: int) -> Run:
     return Run(f"pyceres {version('pyceres')} (linear solver)", spent / steps, 2.0 * summary.final_cost)
 
 
-def repeat(run: Callable[[Path, bool, int], Run], path: Path, solid: bool, iterations: int, repeats: int) -> Run:
+def repeat(run: Callable[[Path, bool, int], Run], path: Path, solid: bool, iterations: int,
+           repeats: int) -> Run:
     """The fastest of some runs in one process."""
     return min((run(path, solid, iterations) for _ in range(repeats)), key=lambda r: r.seconds_per_iteration)
 

@@ -18,8 +18,8 @@ def manhattan(poses: int, seed: int = 0, noise: tuple[float, float, float] = (0.
         noise: standard deviations of the measurements.
 
     Returns:
-        A `FactorGraph`; its values are those of the odometry. At a crossing that was visited before, one closure to
-        the last visit is added with probability one half.
+        A `FactorGraph` with its true values. Where the robot was before, a closure to the last visit is added
+        with probability one half.
     """
     import clew
     from clew import SE2

@@ -6,14 +6,15 @@ import json
 import re
 from pathlib import Path
 
-import clew
 import numpy as np
 import pytest
 import typer
+from typer.testing import CliRunner
+
+import clew
 from clew.cli.optimize import optimize, parse_kernel
 from clew.errors import InputError
 from clew.io import read_graph
-from typer.testing import CliRunner
 
 SQUARE = """VERTEX_SE2 0 0 0 0
 VERTEX_SE2 1 1.1 0 1.5

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import clew
 import numpy as np
 import pytest
+
+import clew
 from clew.io import read_graph
 
 DATA = Path(__file__).parents[3] / "shared" / "data"
