@@ -55,8 +55,8 @@ def main() -> None:
 def iterations(options: argparse.Namespace, folder: Path) -> None:
     """The table of Gauss-Newton iterations, and marginals of sphere2500."""
     available = installed()
-    print(f"Milliseconds of one core for one Gauss-Newton iteration, analysis included ({options.iterations} iterations "
-          f"from clew's rotation guess, fastest of {options.repeats}), and chi2 at the end.\n")
+    print(f"Milliseconds of one core for one Gauss-Newton iteration, analysis included ({options.iterations} "
+          f"iterations from clew's rotation guess, fastest of {options.repeats}), and chi2 at the end.\n")
     header: list[str] | None = None
     ratios: dict[str, list[float]] = {}
     for name in options.graphs:

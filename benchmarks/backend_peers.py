@@ -1,8 +1,8 @@
 """The same Gauss-Newton iterations in clew and in other programs.
 
 Each `run_*` reads a g2o file, does some iterations from the file's values and says how long one took, the
-analysis of the sparsity included, and what the cost was at the end. Reading is not timed. Times are those of the
-processor, so that other work on the machine disturbs them less; Ceres gives wall time only.
+analysis of the sparsity included, and what the cost was at the end. Reading is not timed. Times are
+those of the processor, so that other work on the machine disturbs them less; Ceres gives wall time only.
 """
 
 from __future__ import annotations
