@@ -59,7 +59,8 @@ def patterns(draw: st.DrawFn, max_variables: int = 60, max_size: int = 6) -> Blo
     n = draw(st.integers(0, max_variables))
     sizes = draw(st.lists(st.integers(1, max_size), min_size=n, max_size=n))
     vertex = st.integers(0, max(n - 1, 0))
-    """Values that are positive definite by diagonal dominance."""
+    most = draw(st.sampled_from([0, 3, n])) if n else 0
+    closures = draw(st.lists(st.tuples(vertex, vertex), max_size=most))
     gaps = draw(st.sets(vertex, max_size=5)) if draw(st.booleans()) else set(range(n))
     pairs = closures + [(k, k - 1) for k in range(1, n) if k not in gaps]
     return BlockPattern.from_pairs(sizes, [a for a, _ in pairs], [b for _, b in pairs])
