@@ -59,7 +59,7 @@ public:
             } else if (tag == "ROBOTLASER1") {
                 scan(tokens, lines.number(), true);
             } else if (tag == "ODOM") {
-                odometry(tokens);
+                odometry(tokens, lines.number());
             } else if (tag == "PARAM") {
                 parameter(tokens);
             } else {
@@ -93,7 +93,7 @@ private:
         out_.parameters.emplace_back(std::string(name), std::string(value));
     }
 
-    void odometry(Tokens& tokens) {
+    void odometry(Tokens& tokens, std::int64_t line) {
         // x y theta tv rv accel ipc_time host logger_time
         const Tail tail = read_tail(tokens);
         const auto& n = tail.numbers;
@@ -102,7 +102,7 @@ private:
             return damaged("broken ODOM");
         }
         const double logger = tail.host == 7 && tail.count > 7 ? n[7] : kNan;
-        const double row[] = {n[6], logger, n[0], n[1], n[2]};
+        const double row[] = {n[6], logger, n[0], n[1], n[2], static_cast<double>(line)};
         out_.odometry.insert(out_.odometry.end(), std::begin(row), std::end(row));
     }
 

@@ -166,6 +166,18 @@ def test_a_laser_upside_down_sweeps_the_other_way(tmp_path: Path) -> None:
     np.testing.assert_allclose(scan.T_robot_sensor, [0.2, 0.0, 0.5], atol=1e-12)
 
 
+def test_robot_and_laser_on_two_branches_of_the_tree(tmp_path: Path) -> None:
+    path, bag = new_bag(tmp_path, "mcap")
+    bag.transform("base_link", "base_footprint", 1.0, 0.0, math.pi / 2)
+    bag.transform("base_link", "laser", 1.0, 0.5, 0.0)
+    bag.odometry(1.0, 0.0, 0.0)
+    bag.scan(1.0, [1.0, 2.0])
+    bag.close()
+    _, scan = open_log(path).measurements()
+    assert isinstance(scan, LaserScan)
+    np.testing.assert_allclose(scan.T_robot_sensor, [0.5, 0.0, -math.pi / 2], atol=1e-12)
+
+
 @pytest.mark.parametrize("kind", KINDS)
 def test_topics(tmp_path: Path, kind: str) -> None:
     path, bag = new_bag(tmp_path, kind)

@@ -103,7 +103,8 @@ class _Collector:
     def __init__(self) -> None:
         self.numbers: list[tuple[float, float, float, float, float]] = []
         self.ranges: list[NDArray[np.float32]] = []
-        self.odometry: list[tuple[float, float, float, float]] = []
+        self.odometry: list[tuple[float, float, float, float, float]] = []
+        self.positions: list[int] = []  # of the scans in the order of the bag
         self.frames: tuple[str, str] = ("", "")  # of the robot and of the laser
 
     def scan(self, message: Any, received: int) -> bool:
@@ -113,6 +114,7 @@ class _Collector:
         if not all(map(math.isfinite, row[:3])) or len(message.ranges) == 0:
             return False
         self.numbers.append(row)
+        self.positions.append(len(self.positions) + len(self.odometry))
         self.ranges.append(np.asarray(message.ranges, dtype=np.float32))
         self.frames = (self.frames[0], self.frames[1] or message.header.frame_id)
         return True
@@ -121,7 +123,8 @@ class _Collector:
         """Whether the message is a usable pose."""
         place, q = message.pose.pose.position, message.pose.pose.orientation
         yaw = math.atan2(2 * (q.w * q.z + q.x * q.y), 1 - 2 * (q.y * q.y + q.z * q.z))
-        row = (_seconds(message.header.stamp, received), place.x, place.y, yaw)
+        position = float(len(self.positions) + len(self.odometry))
+        row = (_seconds(message.header.stamp, received), place.x, place.y, yaw, position)
         if not all(map(math.isfinite, row)):
             return False
         self.odometry.append(row)
@@ -143,8 +146,9 @@ class _Collector:
                           angle_min=sense * numbers[:, 1], angle_increment=sense * numbers[:, 2],
                           range_min=range_min, range_max=range_max, T_robot_sensor=T_robot_sensor,
                           T_odom_robot=np.full((len(numbers), 3), np.nan),
-                          rank=np.zeros(len(numbers), dtype=np.int64))
-        return scans, np.array(self.odometry).reshape(-1, 4)
+                          rank=np.zeros(len(numbers), dtype=np.int64),
+                          position=np.array(self.positions, dtype=np.int64))
+        return scans, np.array(self.odometry).reshape(-1, 5)
 
 
 def _collect(bag: Any, connections: list[Any], report: ReadReport) -> _Collector:
@@ -183,7 +187,8 @@ def _transforms(bag: Any) -> Transforms:
     return transforms
 
 
-def read_bag(path: Path, scan_topic: str | None = None, odometry_topic: str | None = None) -> RecordedLog:
+def read_bag(path: Path, scan_topic: str | None = None, odometry_topic: str | None = None,
+             order: str = "time") -> RecordedLog:
     """Read ``sensor_msgs/LaserScan`` and ``nav_msgs/Odometry`` of a bag, at the times of their headers.
 
     Ranges beyond the sensor's bounds become ``inf`` (too far) or ``nan`` (too near). The laser's place on the
@@ -211,4 +216,4 @@ def read_bag(path: Path, scan_topic: str | None = None, odometry_topic: str | No
     if len(tables[0].times) == 0:
         reasons = ", ".join(report.skipped) or "none recorded"
         raise InputError(f"{path}: no usable laser scan on {scans} ({reasons}); record the bag again")
-    return RecordedLog(path, *tables, report)
+    return RecordedLog(path, *tables, report, order)

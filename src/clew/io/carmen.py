@@ -52,7 +52,7 @@ def _clean(ranges: Array, scan: NDArray[np.int64], limit: Array) -> Array:
     return cleaned
 
 
-def read_carmen(path: Path, content: Content) -> RecordedLog:
+def read_carmen(path: Path, content: Content, order: str = "time") -> RecordedLog:
     """Read a CARMEN log.
 
     Timestamps are those of the measuring process (``ipc_time``). A record's first pose is the laser's, its
@@ -101,5 +101,5 @@ def read_carmen(path: Path, content: Content) -> RecordedLog:
     scans = ScanTable(times=numbers[:, time], first=first, count=count, ranges=ranges, angle_min=angle_min,
                       angle_increment=increment, range_min=np.zeros(len(count)), range_max=limit,
                       T_robot_sensor=T_robot_sensor, T_odom_robot=T_odom_robot,
-                      rank=np.where(is_flaser, 1, 0).astype(np.int64))
-    return RecordedLog(path, scans, odometry[:, [time, 2, 3, 4]], report)
+                      rank=np.where(is_flaser, 1, 0).astype(np.int64), position=integers[:, 3])
+    return RecordedLog(path, scans, odometry[:, [time, 2, 3, 4, 5]], report, order)

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
-#: A SICK LMS writes 81.83 to 81.91 m, codes that stand for "no reading"; it measures up to 80 m.
-_LMS_CODES = (81.825, 81.925)
+#: A SICK LMS writes 8183 to 8191 for "no reading": centimetres where it measures to 80 m, millimetres to 8 m.
+_LMS_CODES = ((81.825, 81.925), (8.1825, 8.1925))
 #: Poses that are a laser's and its robot's stand still to each other within this.
 _RIGID_METRES, _RIGID_RADIANS = 0.02, math.radians(1.0)
 
@@ -67,9 +67,9 @@ def longest_return(ranges: Array, beam: Indices) -> float:
         return math.inf
     top = float(np.max(ranges[positive]))
     values, counts = np.unique(ranges[positive & (ranges >= 0.9 * top)], return_counts=True)
-    codes = values[(values >= _LMS_CODES[0]) & (values <= _LMS_CODES[1])]
-    if len(codes):
-        return float(codes[0])
+    for low, high in _LMS_CODES:
+        if low <= top <= high:
+            return float(values[values >= low][0])
     directions = len(np.unique(beam[ranges == top]))
     others = len(np.unique(ranges[positive])) - 1
     stands_out = counts[-1] >= 10 * int(np.max(counts[:-1], initial=0))

@@ -100,6 +100,11 @@ def read_content(path: Path) -> Content:
     return content
 
 
+def printable(text: str) -> str:
+    """Text that is safe to print on one line."""
+    return "".join(c if c.isprintable() else f"\\x{ord(c):02x}" for c in text)
+
+
 def check_text(path: Path, data: bytes) -> None:
     """Raise `InputError` if the beginning of a file is not text."""
     head = data[:4096]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections import Counter
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -52,7 +53,7 @@ class GraphReport:
     @property
     def unknown_tags(self) -> Counter[str]:
         """How many lines there are of each unknown tag."""
-        return Counter(text.split(None, 1)[0] for _, text in self.unknown)
+        return Counter(re.split(r"[ \t\r\v\f]", text, maxsplit=1)[0] for _, text in self.unknown)
 
 
 @dataclass(frozen=True, eq=False)

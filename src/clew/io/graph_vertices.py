@@ -81,8 +81,8 @@ class Vertices:
         taken = np.flatnonzero(np.isin(keys, graph.keys()))
         if len(taken):
             key = int(keys[taken[0]])
-            raise InputError(f"{self._path}, line {lines[taken[0]]}: {tag} takes vertex {key} for a {kind.name}, "
-                             f"but it is a {graph.kind(key).name}; correct the id")
+            raise InputError(f"{self._path}, line {lines[taken[0]]}: {tag} takes vertex {key} for a "
+                             f"{kind.name}, but it is a {graph.kind(key).name}; correct the id")
 
     @staticmethod
     def _add(graph: FactorGraph, kind: type[Any], keys: Indices, values: Array) -> None:

@@ -25,6 +25,8 @@ class ReadReport:
 class Log(Protocol):
     """A robot's log as a stream of measurements in the order of their timestamps, without duplicates.
 
+    Opened with another order than that of time (see `open_log`), timestamps may step back.
+
     Where a record carries a scan and the odometry of the same instant, the `Odometry` comes right before its
     `LaserScan`, with the same timestamp.
     """

@@ -14,7 +14,7 @@ from clew.errors import InputError
 from clew.factors import Bearing, Between, PointObservation, Prior, Range
 from clew.geometry import SE2, SE3, so3
 from clew.graph import FactorGraph, Role
-from clew.io.content import check_text, read_content
+from clew.io.content import check_text, printable, read_content
 from clew.io.graph_file import Features, GraphFile, GraphReport
 from clew.io.graph_tags import EDGES, OFFSETS, RECORDS, TORO_ORDER, VERTICES, Tag
 from clew.io.graph_vertices import Vertices
@@ -80,12 +80,12 @@ class _Reader:
         if tag.name == "EDGE2":
             triangle = triangle[:, TORO_ORDER]
         full = from_triangle(triangle, tag.residual)
-        if tag.measurement == 7:
+        if tag.measurement == 7 and self.unit != 1.0:
             full = scale_rotation(full, self.unit)
         full, reduced, hopeless = reduce_indefinite(full, tag.kinds[0])
         if len(hopeless):
-            raise self.fail(lines[hopeless[0]], f"{tag.name}: the information matrix has a negative eigenvalue "
-                            "and no usable diagonal blocks; correct it")
+            raise self.fail(lines[hopeless[0]], f"{tag.name}: the information matrix has a negative "
+                            "eigenvalue and no usable diagonal blocks; correct it")
         self.reduced.append(lines[reduced])
         return full
 
@@ -122,14 +122,14 @@ class _Reader:
         if len(loops):
             raise self.fail(lines[loops[0]], f"{tag.name} joins vertex {keys[loops[0], 0]} with itself; "
                             "remove it")
-        # Neighbours in the order of the poses, not ids one apart: landmarks may take ids in between. The upper
-        # byte of an id may name a robot (gtsam symbols), and robots do not follow each other.
+        # Neighbours in the order of the poses, not ids one apart: landmarks may take ids in between. The
+        # upper byte of an id may name a robot (gtsam symbols), and robots do not follow each other.
         order = np.sort(self.graph.keys(tag.kinds[0]))
         apart = np.abs(np.searchsorted(order, keys[:, 1]) - np.searchsorted(order, keys[:, 0]))
         odometry = (apart == 1) & (keys[:, 0] >> 56 == keys[:, 1] >> 56)
         for role, rows in ((Role.ODOMETRY, odometry), (Role.LOOP, ~odometry)):
             if rows.any():
-                self.graph.add(Between(keys[rows, 0], keys[rows, 1], tag.kinds[0].from_array(measurement[rows]),
+                self.graph.add(Between(keys[rows, 0], keys[rows, 1], measurement[rows],
                                        information=information[rows], role=role))
 
     def observations(self, tag: Tag, keys: Indices, measurement: Array, information: Array,
@@ -167,8 +167,8 @@ def _features(reader: _Reader, table: tuple[Indices, Array]) -> Features | None:
 def read_graph(path: str | PathLike[str], *, rotation_information: str = "radians") -> GraphFile:
     """Read a pose graph: g2o or TORO text, plain or packed with gzip or bzip2.
 
-    Edges between neighbouring poses (in the order of ids) get the role odometry, the others loop. Vertices that
-    only edges mention are created at the identity; tags that are not known are kept aside; both are reported.
+    Edges between neighbouring poses (in the order of ids) get the role odometry, the others loop. Vertices
+    that only edges mention are created at the identity, unknown tags are kept aside; both are reported.
 
     Args:
         path: the file.
@@ -180,20 +180,20 @@ def read_graph(path: str | PathLike[str], *, rotation_information: str = "radian
     """
     path = Path(path)
     if rotation_information not in ROTATION_UNITS:
-        raise InputError(f"rotation_information={rotation_information!r}: choose {' or '.join(ROTATION_UNITS)}")
+        raise InputError(f"rotation_information={rotation_information!r}: choose radians or g2o")
     content = read_content(path)
     check_text(path, content.data)
     if content.truncated:
         raise InputError(f"{path}: the packed file ends early or is damaged; get it again")
     records = _native.io.parse_graph(content.data, RECORDS)
     if records["bad_line"]:
-        bad = records["bad"].decode("latin-1")
+        bad = printable(records["bad"].decode("latin-1"))
         raise InputError(f"{path}, line {records['bad_line']}: {bad}; correct or remove the line")
-    unknown = tuple((line, text.decode("latin-1").strip()) for line, text in records["unknown"])
+    unknown = tuple((line, text.decode("latin-1").strip(" \t\r\v\f")) for line, text in records["unknown"])
     if not any(tag.name in records["tables"] for tag in VERTICES + EDGES):
         found = ", ".join(sorted(GraphReport(unknown=unknown).unknown_tags)[:5]) or "nothing"
-        raise InputError(f"{path}: no vertices and no edges of a known kind (found: {found[:80]}); "
-                         "give a g2o or TORO file")
+        raise InputError(f"{path}: no vertices and no edges of a known kind (found: "
+                         f"{printable(found[:80])}); give a g2o or TORO file")
     reader = _Reader(path, records["tables"], ROTATION_UNITS[rotation_information])
     vertices = reader.vertices()
     for tag in EDGES:

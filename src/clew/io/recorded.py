@@ -17,6 +17,8 @@ from clew.scan import LaserScan
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
+#: In which order a log may be read, see `open_log`.
+ORDERS = ("time", "recorded", "auto")
 #: Records further than this from the median time of the scans have a damaged timestamp (115 days).
 _LONGEST_LOG = 1e7
 
@@ -33,6 +35,7 @@ class ScanTable:
         T_robot_sensor: ``(3,)`` pose of the laser on the robot.
         T_odom_robot: ``(N, 3)`` odometry that came with each scan; ``nan`` where none did.
         rank: ``(N,)`` of two records of one scan (same time, same number of beams) the lower rank is kept.
+        position: ``(N,)`` place of each scan in the order of recording, counted together with the odometry.
     """
 
     times: Array
@@ -46,13 +49,14 @@ class ScanTable:
     T_robot_sensor: Array
     T_odom_robot: Array
     rank: Indices
+    position: Indices
 
     def take(self, chosen: Indices) -> ScanTable:
         """The chosen scans in the order given; the flat array of ranges stays as it is."""
         return ScanTable(self.times[chosen], self.first[chosen], self.count[chosen], self.ranges,
                          self.angle_min[chosen], self.angle_increment[chosen], self.range_min[chosen],
                          self.range_max[chosen], self.T_robot_sensor, self.T_odom_robot[chosen],
-                         self.rank[chosen])
+                         self.rank[chosen], self.position[chosen])
 
 
 def _without_duplicates(scans: ScanTable) -> ScanTable:
@@ -83,14 +87,16 @@ class RecordedLog:
     Args:
         path: where the log came from.
         scans: all scans, in any order.
-        odometry: ``(M, 4)`` readings besides those of the scans: time, x, y, theta; in any order.
+        odometry: ``(M, 5)`` readings besides those of the scans: time, x, y, theta, position; in any order.
         report: what the reader met; the counts of used and dropped records are added to it.
+        order: one of `ORDERS`, see `open_log`.
 
     Raises:
         InputError: there is no scan.
     """
 
-    def __init__(self, path: Path, scans: ScanTable, odometry: Array, report: ReadReport) -> None:
+    def __init__(self, path: Path, scans: ScanTable, odometry: Array, report: ReadReport,
+                 order: str = "time") -> None:
         if len(scans.times) == 0:
             raise InputError(f"{path}: holds no laser scan; give a log of a robot with a laser")
         self.path = path
@@ -106,16 +112,23 @@ class RecordedLog:
         near = np.abs(odometry[:, 0] - middle) <= _LONGEST_LOG
         _drop(report, "odometry with a time far from all others", int(np.sum(~near)))
         self._odometry = self._without_repeats(odometry[near])
+        self._with_odometry = ~np.isnan(self._scans.T_odom_robot[:, 0])
         self._ranges = self._scans.ranges
         self._ranges.setflags(write=False)
+        self._scan_key, self._odometry_key = self._scans.times, self._odometry[:, 0]
+        if order == "recorded" or (order == "auto" and self._recorded_is_smoother()):
+            self._scans = self._scans.take(np.argsort(self._scans.position))
+            self._odometry = self._odometry[np.argsort(self._odometry[:, 4])]
+            self._with_odometry = ~np.isnan(self._scans.T_odom_robot[:, 0])
+            self._scan_key = self._scans.position.astype(np.float64)
+            self._odometry_key = self._odometry[:, 4]
         report.used["scans"] += len(self._scans.times)
-        self._with_odometry = ~np.isnan(self._scans.T_odom_robot[:, 0])
         report.used["odometry"] += len(self._odometry) + int(np.sum(self._with_odometry))
 
     def _without_repeats(self, odometry: Array) -> Array:
         """Sorted by time, without readings that repeat another or the one of a scan."""
         of_scans = np.column_stack([self._scans.times, self._scans.T_odom_robot])
-        rows = np.concatenate([of_scans, odometry])
+        rows = np.concatenate([of_scans, odometry[:, :4]])
         alone = np.arange(len(rows)) >= len(of_scans)
         order = np.lexsort((alone, rows[:, 3], rows[:, 2], rows[:, 1], rows[:, 0]))
         rows, alone = rows[order], alone[order]
@@ -127,6 +140,16 @@ class RecordedLog:
         kept = odometry[np.sort(chosen) - len(of_scans)]
         return kept[np.argsort(kept[:, 0], kind="stable")]
 
+    def _recorded_is_smoother(self) -> bool:
+        """Whether the path of the odometry is shorter in the order of recording than in that of time."""
+        scans = self._scans
+        rows = np.column_stack([scans.times, scans.T_odom_robot, scans.position])[self._with_odometry]
+        rows = np.concatenate([rows, self._odometry])
+        by_time, by_position = (np.lexsort((rows[:, 4], key)) for key in (rows[:, 0], rows[:, 4]))
+        timed, recorded = (float(np.sum(np.hypot(*np.diff(rows[order, 1:3], axis=0).T)))
+                           for order in (by_time, by_position))
+        return recorded < 0.98 * timed
+
     @property
     def scan_count(self) -> int:
         """Number of scans that `measurements` yields."""
@@ -135,7 +158,7 @@ class RecordedLog:
     @property
     def duration(self) -> float:
         """Seconds from the first to the last scan."""
-        return float(self._scans.times[-1] - self._scans.times[0])
+        return float(np.ptp(self._scans.times))
 
     @property
     def has_odometry(self) -> bool:
@@ -143,20 +166,20 @@ class RecordedLog:
         return len(self._odometry) > 0 or bool(np.any(self._with_odometry))
 
     def measurements(self) -> Iterator[Measurement]:
-        """Yield scans and odometry readings in the order of time."""
+        """Yield scans and odometry readings in the order chosen."""
         scans, odometry = self._scans, self._odometry
-        after = np.searchsorted(odometry[:, 0], scans.times, side="right").tolist()
+        after = np.searchsorted(self._odometry_key, self._scan_key, side="right").tolist()
         times, first, end = scans.times.tolist(), scans.first.tolist(), (scans.first + scans.count).tolist()
         laser = zip(scans.angle_min.tolist(), scans.angle_increment.tolist(), scans.range_min.tolist(),
                     scans.range_max.tolist(), strict=True)
         done = 0
         for i, (angle_min, increment, range_min, range_max) in enumerate(laser):
             for k in range(done, after[i]):
-                yield Odometry(float(odometry[k, 0]), odometry[k, 1:])
+                yield Odometry(float(odometry[k, 0]), odometry[k, 1:4])
             done = max(done, after[i])
             if self._with_odometry[i]:
                 yield Odometry(times[i], scans.T_odom_robot[i])
             yield LaserScan(times[i], self._ranges[first[i] : end[i]], angle_min, increment, range_min,
                             range_max, scans.T_robot_sensor)
         for k in range(done, len(odometry)):
-            yield Odometry(float(odometry[k, 0]), odometry[k, 1:])
+            yield Odometry(float(odometry[k, 0]), odometry[k, 1:4])

@@ -115,7 +115,7 @@ class _Writer:
 
 
 def _interleave(vertices: bytes, keys: Indices, features: Features) -> bytes:
-    """Vertex lines, each followed by the features that were seen from it: they belong to the vertex before."""
+    """Vertex lines, each followed by the features seen from it: a feature belongs to the vertex before."""
     numbers = np.column_stack([features.measurement, to_triangle(features.information)])
     kinds = np.tile([0, 2], (len(numbers), 1))
     seen = _lines("DATA_FEATURE_POINTXY", kinds, numbers).splitlines(keepends=True)
@@ -149,7 +149,7 @@ def write_graph(path: str | PathLike[str], graph: FactorGraph, *, style: str = "
     if style not in ("g2o", "toro"):
         raise InputError(f"style={style!r}: choose g2o or toro")
     if rotation_information not in ROTATION_UNITS:
-        raise InputError(f"rotation_information={rotation_information!r}: choose {' or '.join(ROTATION_UNITS)}")
+        raise InputError(f"rotation_information={rotation_information!r}: choose radians or g2o")
     if features is not None and (style == "toro" or not np.isin(features.keys, graph.keys(SE2)).all()):
         raise InputError(f"{path}: features need a g2o file and the planar poses that they were seen from")
     writer = _Writer(path, style == "toro", ROTATION_UNITS[rotation_information])
