@@ -13,7 +13,7 @@ import clew
 from clew.errors import InputError
 from clew.solve import Progress, Status
 from solve.dense import normal_equations
-from solve.worlds import consistent_graph
+from solve.worlds import consistent_graph, random_graph
 
 METHODS = ["levenberg-marquardt", "gauss-newton", "dogleg"]
 
@@ -78,6 +78,19 @@ def test_no_step_lowers_the_cost_of_a_converged_solution(
     assert decrease < 1e-7 * cost + 1e-10
     if method != "gauss-newton":
         assert np.all(np.diff(solution.chi2_history) <= 0)
+
+
+@pytest.mark.parametrize("method", ["levenberg-marquardt", "dogleg"])
+@pytest.mark.parametrize("seed", [0, 4, 6])
+def test_a_step_that_raises_the_cost_is_taken_back(method: str, seed: int) -> None:
+    seen: list[Progress] = []
+    graph = random_graph(seed, 2, 6, 3)  # measurements that contradict each other wildly
+    solution = clew.optimize(graph, method=method, max_iterations=60, callback=seen.append)
+    assert not all(progress.accepted for progress in seen)
+    assert np.all(np.diff(solution.chi2_history) < 0)
+    assert len(solution.chi2_history) == 1 + sum(progress.accepted for progress in seen)
+    cost, _, _ = normal_equations(solution.graph, [])
+    assert cost == pytest.approx(solution.chi2, rel=1e-9)
 
 
 @pytest.mark.parametrize("space", [2, 3])

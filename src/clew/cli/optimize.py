@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import time
+from collections.abc import Callable
 from enum import Enum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -103,7 +104,7 @@ def parse_kernel(text: str) -> Kernel:
     from clew import noise
     from clew.errors import InputError
 
-    kernels = {
+    kernels: dict[str, Callable[..., Kernel]] = {
         "huber": noise.Huber,
         "pseudo-huber": noise.PseudoHuber,
         "cauchy": noise.Cauchy,
