@@ -92,6 +92,6 @@ def correlate(
         pyramid.cells, float(pyramid.origin[0]), float(pyramid.origin[1]), pyramid.resolution, points,
         np.asarray(centre, dtype=np.float64), np.asarray(half_window, dtype=np.float64), step_theta,
         np.full(3, np.inf) if prior_sigmas is None else np.asarray(prior_sigmas, dtype=np.float64),
-        prior_weight, minimum_score, excluded, distance, angle,
+        prior_weight, minimum_score, excluded, rival_distance, rival_angle,
     )  # fmt: skip
     return CorrelativeMatch(pose, score, likelihood) if found else None
