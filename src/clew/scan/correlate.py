@@ -87,7 +87,7 @@ def correlate(
         far = (9 * len(points)) // 10
         reach = float(np.partition(distance, far)[far]) if len(points) else 1.0
         step_theta = min(max(pyramid.resolution / max(reach, 1e-3), 0.002), 0.05)
-    excluded, distance, angle = exclude if exclude is not None else (np.zeros(0), 0.0, 0.0)
+    excluded, rival_distance, rival_angle = exclude if exclude is not None else (np.zeros(0), 0.0, 0.0)
     found, pose, score, likelihood, _ = _native.scan.correlate(
         pyramid.cells, float(pyramid.origin[0]), float(pyramid.origin[1]), pyramid.resolution, points,
         np.asarray(centre, dtype=np.float64), np.asarray(half_window, dtype=np.float64), step_theta,
