@@ -106,7 +106,7 @@ def test_prior_and_returns_are_weighed_by_their_information() -> None:
     truth = np.array([0.05, -0.03, 0.02])
     target, source = cloud_of(ROOM, np.zeros(3)), cloud_of(ROOM, truth)
     data = single(target, source, np.zeros(3))
-    prior, information = truth + [0.02, 0.02, 0.01], 0.5 * data.information[0]
+    prior, information = truth + np.array([0.02, 0.02, 0.01]), 0.5 * data.information[0]
     out = single(target, source, np.zeros(3), T_prior=prior[None], prior_information=information[None])
     # at the optimum the pull of both is in balance: the step that the returns ask for, against the prior's residual
     pose = out.T_target_source[0]

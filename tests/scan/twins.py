@@ -86,11 +86,11 @@ def scores(cells: NDArray[np.uint8], origin: Array, resolution: float, points: A
     steps = [int(np.ceil(h / s - 1e-9)) for h, s in zip(half, (resolution, resolution, step_theta), strict=True)]
     poses, likelihoods, values = [], [], []
     for k in range(-steps[2], steps[2] + 1):
-        turned = se2.act(centre + [0, 0, k * step_theta], points)
+        turned = se2.act(centre + np.array([0, 0, k * step_theta]), points)
         at = np.floor((turned - origin) / resolution).astype(int)
         for y in range(-steps[1], steps[1] + 1):
             for x in range(-steps[0], steps[0] + 1):
-                cell = at + [x, y]
+                cell = at + np.array([x, y])
                 inside = np.all((cell >= 0) & (cell < cells.shape[:0:-1]), axis=1)
                 likelihood = cells[0, cell[inside, 1], cell[inside, 0]].sum(dtype=np.int64) / (255 * max(len(at), 1))
                 offset = np.array([x * resolution, y * resolution, k * step_theta])
