@@ -44,22 +44,28 @@ int cholesky_of(int n, double* d, int64_t ldd) {
     }
 }
 
-// N rows of X against a small triangle: X L^-T, or X L^-1 when not Transposed.
+// N rows of X against a small triangle, in registers: X L^-T, or X L^-1 when not Transposed.
 template <int N, int C, bool Transposed>
 inline void solve_rows(const double* d, int64_t ldd, double* x, int64_t ldx) {
     Vector<N> column[C];
+#pragma GCC unroll 8
     for (int p = 0; p < C; ++p) column[p] = load<N>(x + p * ldx);
     if constexpr (Transposed) {
+#pragma GCC unroll 8
         for (int p = 0; p < C; ++p) {
+#pragma GCC unroll 8
             for (int q = 0; q < p; ++q) column[p] -= column[q] * d[p + q * ldd];
             column[p] *= d[p + p * ldd];
         }
     } else {
+#pragma GCC unroll 8
         for (int p = C - 1; p >= 0; --p) {
+#pragma GCC unroll 8
             for (int q = p + 1; q < C; ++q) column[p] -= column[q] * d[q + p * ldd];
             column[p] *= d[p + p * ldd];
         }
     }
+#pragma GCC unroll 8
     for (int p = 0; p < C; ++p) store<N>(x + p * ldx, column[p]);
 }
 

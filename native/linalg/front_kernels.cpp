@@ -25,7 +25,8 @@ void add_columns(int rows, const double* b, int64_t ldb, const double* x, double
 // x -= (C columns of B)^T t.
 template <int C>
 void subtract_dots(int rows, const double* b, int64_t ldb, double* x, const double* t) {
-    Vector<kNarrow> sum[C] = {};
+    Vector<kNarrow> sum[C];
+    for (int p = 0; p < C; ++p) sum[p] = Vector<kNarrow>{};
     for (int i = 0; i < rows; i += kNarrow) {
         const Vector<kNarrow> rhs = load<kNarrow>(t + i);
         for (int p = 0; p < C; ++p) sum[p] += load<kNarrow>(b + i + p * ldb) * rhs;
@@ -86,7 +87,9 @@ void add_to_panel(const double* u, int64_t ldu, const Run* runs, const Run* rema
             for (const Run* down = across + 1; down != remaining; ++down) {
                 add(to_d + down->to, from + down->from, down->length);
             }
-            for (const Run* down = remaining; down != end; ++down) add(to_b + down->to, from + down->from, down->length);
+            for (const Run* down = remaining; down != end; ++down) {
+                add(to_b + down->to, from + down->from, down->length);
+            }
         }
     }
 }

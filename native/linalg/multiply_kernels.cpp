@@ -28,25 +28,36 @@ struct Operands {
     bool set;  // C = -A B instead of C -= A B
 };
 
-// One tile of V vectors of N rows by C columns, accumulated in registers.
+// One tile of V vectors of N rows by C columns, accumulated in registers: every loop over V or C is unrolled, and
+// accumulators are set one by one, for an initialiser of the array would clear memory, too.
 template <int N, int V, int C>
 inline void tile(const Operands& o) {
-    Vector<N> sum[V][C] = {};
+    Vector<N> sum[V][C];
+#pragma GCC unroll 8
+    for (int j = 0; j < C; ++j) {
+#pragma GCC unroll 3
+        for (int v = 0; v < V; ++v) sum[v][j] = Vector<N>{};
+    }
     const double* a = o.a;
     const double* b = o.b;
     for (int p = 0; p < o.depth; ++p, a += o.lda, b += o.b_row) {
         Vector<N> column[V];
+#pragma GCC unroll 3
         for (int v = 0; v < V; ++v) column[v] = load<N>(a + v * N);
+#pragma GCC unroll 8
         for (int j = 0; j < C; ++j) {
             const double scale = b[j * o.b_col];
+#pragma GCC unroll 3
             for (int v = 0; v < V; ++v) sum[v][j] += column[v] * scale;
         }
     }
+#pragma GCC unroll 8
     for (int j = 0; j < C; ++j) {
         double* c = o.c + j * o.ldc;
+#pragma GCC unroll 3
         for (int v = 0; v < V; ++v) {
-            if (o.set) store<N>(c + v * N, -sum[v][j]);
-            else store<N>(c + v * N, load<N>(c + v * N) - sum[v][j]);
+            const Vector<N> before = o.set ? Vector<N>{} : load<N>(c + v * N);
+            store<N>(c + v * N, before - sum[v][j]);
         }
     }
 }

@@ -8,32 +8,34 @@ namespace clew::linalg {
 
 namespace {
 
-template <int32_t Rows, int32_t Cols>
-inline void copy_straight(const double* from, double* to, int64_t stride, int32_t rows = Rows, int32_t cols = Cols) {
-    for (int32_t j = 0; j < cols; ++j) {
-        for (int32_t i = 0; i < rows; ++i) to[i + j * stride] = from[i * cols + j];
-    }
-}
-
-void copy_block(const BlockCopy& copy, const double* values, double* factor) {
-    const double* from = values + copy.source;
-    double* to = factor + copy.target;
-    switch (copy.kind) {
+inline void copy_sized(BlockCopy::Kind kind, const double* from, double* to, int64_t stride, int32_t rows,
+                       int32_t cols) {
+    switch (kind) {
         case BlockCopy::kStraight:
-            if (copy.rows == 3 && copy.cols == 3) return copy_straight<3, 3>(from, to, copy.stride);
-            if (copy.rows == 6 && copy.cols == 6) return copy_straight<6, 6>(from, to, copy.stride);
-            return copy_straight<0, 0>(from, to, copy.stride, copy.rows, copy.cols);
+            for (int32_t j = 0; j < cols; ++j) {
+                for (int32_t i = 0; i < rows; ++i) to[i + j * stride] = from[i * cols + j];
+            }
+            return;
         case BlockCopy::kTransposed:
-            for (int32_t j = 0; j < copy.cols; ++j) {
-                for (int32_t i = 0; i < copy.rows; ++i) to[i + j * copy.stride] = from[j * copy.rows + i];
+            for (int32_t j = 0; j < cols; ++j) {
+                for (int32_t i = 0; i < rows; ++i) to[i + j * stride] = from[j * rows + i];
             }
             return;
         case BlockCopy::kDiagonal:
-            for (int32_t j = 0; j < copy.cols; ++j) {
-                for (int32_t i = j; i < copy.rows; ++i) to[i + j * copy.stride] = from[i * copy.cols + j];
+            for (int32_t j = 0; j < cols; ++j) {
+                for (int32_t i = j; i < rows; ++i) to[i + j * stride] = from[i * cols + j];
             }
             return;
     }
+}
+
+// Loops over the common sizes, those of poses, are unrolled.
+void copy_block(const BlockCopy& copy, const double* values, double* factor) {
+    const double* from = values + copy.source;
+    double* to = factor + copy.target;
+    if (copy.rows == 3 && copy.cols == 3) copy_sized(copy.kind, from, to, copy.stride, 3, 3);
+    else if (copy.rows == 6 && copy.cols == 6) copy_sized(copy.kind, from, to, copy.stride, 6, 6);
+    else copy_sized(copy.kind, from, to, copy.stride, copy.rows, copy.cols);
 }
 
 bool all_finite(const double* x, int64_t n) {
@@ -103,7 +105,12 @@ int32_t Numeric::factor_front(int32_t s, const double* values, const double* dam
     const int32_t n = front.pivots;
 
     std::memset(d, 0, static_cast<size_t>(next.d - front.d) * sizeof(double));
-    for (int64_t q = front.copies; q < next.copies; ++q) copy_block(symbolic_.copies[q], values, factor_.data());
+    const auto copies_end = static_cast<int64_t>(symbolic_.copies.size());
+    for (int64_t q = front.copies; q < next.copies; ++q) {
+        // Blocks come in the order of the variables, fronts in the order of elimination: each is far from the last.
+        __builtin_prefetch(values + symbolic_.copies[std::min(q + 12, copies_end - 1)].source);
+        copy_block(symbolic_.copies[q], values, factor_.data());
+    }
     if (damping != nullptr) {
         double* diagonal = d;
         for (int32_t k = front.first; k < front.last; ++k) {

@@ -49,7 +49,9 @@ void Numeric::solve_many(double* rhs, int32_t columns) const {
     const auto each_row = [&](auto move) {
         for (int32_t k = 0; k < sym.variables; ++k) {
             const int64_t start = sym.variable_starts[sym.order[k]];
-            for (int64_t i = 0; i < sym.size_at(k); ++i) move(rhs + (start + i) * columns, x + (sym.starts[k] + i) * ld);
+            for (int64_t i = 0; i < sym.size_at(k); ++i) {
+                move(rhs + (start + i) * columns, x + (sym.starts[k] + i) * ld);
+            }
         }
     };
     each_row([&](const double* outside, double* inside) { std::copy_n(outside, columns, inside); });

@@ -7,6 +7,9 @@ namespace clew::scan {
 
 namespace {
 
+constexpr std::size_t coarse_points = 90;
+constexpr double small_step = 1e-4, small_turn = 1e-5;  // metres, radians: far below the noise of a match
+
 struct Normal {
     double h[6] = {0, 0, 0, 0, 0, 0};  // xx, xy, xt, yy, yt, tt
     double g[3] = {0, 0, 0};
@@ -47,11 +50,11 @@ std::int32_t nearest(const PointIndexView& t, double x, double y, double nx, dou
 }
 
 Normal linearise(const PointIndexView& target, const double* points, const double* normals, const double* weights,
-                 std::size_t n, const Pose& pose, double radius, const AlignOptions& o) {
+                 std::size_t n, std::size_t stride, const Pose& pose, double radius, const AlignOptions& o) {
     Normal out;
     const double c = std::cos(pose.theta), s = std::sin(pose.theta);
     const double precision = 1.0 / (o.sigma * o.sigma), scale2 = o.robust * o.robust * o.sigma * o.sigma;
-    for (std::size_t i = 0; i < n; ++i) {
+    for (std::size_t i = 0; i < n; i += stride) {
         const double px = points[2 * i], py = points[2 * i + 1];
         const double x = c * px - s * py + pose.x, y = s * px + c * py + pose.y;
         const double mx = c * normals[2 * i] - s * normals[2 * i + 1], my = s * normals[2 * i] + c * normals[2 * i + 1];
@@ -120,7 +123,10 @@ AlignResult align(const PointIndexView& target, const double* points, const doub
     double radius = o.radius_start;
     std::int32_t iteration = 0;
     for (; iteration < o.iterations; ++iteration) {
-        Normal normal = linearise(target, points, normals, weights, n, pose, radius, o);
+        // While partners are still sought far away, a part of the points leads just as well to where they are near.
+        const bool last_radius = radius <= o.radius_end;
+        const std::size_t stride = last_radius ? 1 : std::max<std::size_t>(1, n / coarse_points);
+        Normal normal = linearise(target, points, normals, weights, n, stride, pose, radius, o);
         add_prior(normal, pose, prior, prior_information);
         double step[3];
         const double b[3] = {-normal.g[0], -normal.g[1], -normal.g[2]};
@@ -132,11 +138,11 @@ AlignResult align(const PointIndexView& target, const double* points, const doub
         pose.x += c * step[0] - s * step[1];
         pose.y += s * step[0] + c * step[1];
         pose.theta = wrap(pose.theta + step[2]);
-        const bool small = length < 1e-5 && std::abs(step[2]) < 1e-6;
-        if (radius <= o.radius_end && small) break;
+        const bool small = length < small_step && std::abs(step[2]) < small_turn;
+        if (last_radius && small) break;
         radius = small ? o.radius_end : std::max(o.radius_end, 0.6 * radius);
     }
-    const Normal data = linearise(target, points, normals, weights, n, pose, o.radius_end, o);
+    const Normal data = linearise(target, points, normals, weights, n, 1, pose, o.radius_end, o);
     AlignResult out;
     out.pose = pose;
     const double* h = data.h;

@@ -54,6 +54,8 @@ def test_own_keys_of_any_size_and_order() -> None:
     graph.add_pose(clew.SE2.from_array([(0, 0, 0), (1, 0, 0), (2, 0, 0)]), key=[7, big, -3])
     graph.add(step([7, big] * 20, [big, -3] * 20))  # more than a handful: the sorted look-up
     graph.add(step(-3, 7))
+    graph.add_pose(clew.SE2(3, 0, 0), key=40)  # after a batch look-up
+    graph.add(step([40] * 20, [big] * 20))
     assert graph.value(big).array[0] == 1
     assert graph.positions([-3, 7]).tolist() == [2, 0]
     assert graph.add_pose(clew.SE2(0, 0, 0)) == big + 1

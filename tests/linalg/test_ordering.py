@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import sys
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -9,6 +11,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from clew import _native
+from clew.errors import MissingDependencyError
 from clew.linalg import BlockPattern, analyse
 from linalg.dense_twin import grid, patterns
 
@@ -84,6 +87,14 @@ def test_dissection_is_chosen_where_it_saves_work() -> None:
     work = {name: analysis.flops(analyse(pattern, ordering=name).permutation.astype(np.int32))
             for name in ("amd", "metis")}
     assert chosen.ordering == min(work, key=lambda name: work[name])
+
+
+def test_without_pymetis_auto_goes_on_and_metis_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "pymetis", None)
+    pattern = grid(60, 6, diagonals=True)
+    assert analyse(pattern, ordering="auto").ordering == "amd"
+    with pytest.raises(MissingDependencyError, match=r"clew\[metis\]"):
+        analyse(pattern, ordering="metis")
 
 
 def test_an_order_that_is_no_permutation_is_refused() -> None:

@@ -76,6 +76,13 @@ def test_results_are_written(square: Path, tmp_path: Path) -> None:
                                solution.covariances().reshape(4, 9), atol=1e-9)
 
 
+def test_the_picture_is_drawn(square: Path, tmp_path: Path) -> None:
+    pytest.importorskip("clew.view.graph")
+    picture = tmp_path / "square.png"
+    run(square, "--plot", picture, "--marginals", tmp_path / "marginals.csv")
+    assert picture.read_bytes().startswith(b"\x89PNG")
+
+
 def test_kernels_by_name() -> None:
     assert parse_kernel("huber") == clew.Huber()
     assert parse_kernel("Geman-McClure:2.5") == clew.GemanMcClure(2.5)

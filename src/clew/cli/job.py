@@ -29,7 +29,6 @@ def run_log(
         raise InputError(
             f"--resolution {resolution:g}: give metres a cell between {LEAST_RESOLUTION:g} and {LARGEST_RESOLUTION:g}"
         )
-    ensure_output_folder(out)
     console = Console(stderr=True, quiet=quiet)
     with console.status(f"reading {path.name}"):
         log = open_log(path, scan_topic=scan_topic, odometry_topic=odometry_topic)
@@ -38,6 +37,7 @@ def run_log(
             f"{path}: {log.scan_count} scans but no odometry: record it too, "
             "or estimate the motion from the scans alone with --no-odometry"
         )
+    ensure_output_folder(out)
     result = map_log(log, JobOptions(out, path.name, refine, odometry, resolution, quiet), console)
     _finish(result, {"log": path.name}, out, log, json, console)
 

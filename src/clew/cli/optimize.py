@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import time
+from collections.abc import Callable
 from enum import Enum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -12,9 +13,14 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
     from clew.io import GraphFile
     from clew.noise import Kernel
     from clew.solve import Solution
+
+    Array = NDArray[np.float64]
 
 
 class Method(str, Enum):
@@ -55,7 +61,9 @@ def optimize(
     marginals: Annotated[
         Path | None, typer.Option(help="Write the covariance of every variable as CSV.")
     ] = None,
-    plot: Annotated[Path | None, typer.Option(help="Draw the result as PNG.")] = None,
+    plot: Annotated[
+        Path | None, typer.Option(help="Draw the result as PNG; with --marginals, ellipses too.")
+    ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object instead of text.")] = False,
     threads: Annotated[int, typer.Option(min=1, help="Threads of the factorisation.")] = 1,
 ) -> None:
@@ -87,9 +95,7 @@ def optimize(
         write_marginals(marginals, solution)
     clock.lap("marginals")
     if plot is not None:
-        from clew.view import plot_graph
-
-        plot_graph(solution, plot)
+        draw(plot, solution, ellipses=marginals is not None)
     seconds = clock.finish()
     typer.echo(_as_json(solution, seconds) if as_json else _as_text(file, solution, seconds))
 
@@ -103,7 +109,7 @@ def parse_kernel(text: str) -> Kernel:
     from clew import noise
     from clew.errors import InputError
 
-    kernels = {
+    kernels: dict[str, Callable[..., Kernel]] = {
         "huber": noise.Huber,
         "pseudo-huber": noise.PseudoHuber,
         "cauchy": noise.Cauchy,
@@ -139,6 +145,41 @@ def write_marginals(path: Path, solution: Solution) -> None:
             rows = solution.covariances(kind).reshape(-1, kind.dim**2).tolist()
             for key, row in zip(solution.keys(kind).tolist(), rows, strict=True):
                 file.write(f"{key},{kind.name},{','.join(map(repr, row))}\n")
+
+
+def draw(path: Path, solution: Solution, *, ellipses: bool) -> None:
+    """Picture of the solution: poses, landmarks, edges by role and, in the plane, ellipses if wanted.
+
+    Raises:
+        InputError: the file cannot be written, or ellipses are wanted and some variables are free to move.
+    """
+    import numpy as np
+
+    from clew.geometry import SE2, SE3, so2
+    from clew.view import plot_graph
+
+    graph = solution.graph
+    where = {kind: solution.values(kind).array[:, : kind.space] for kind in solution.kinds}
+    edges: dict[str, list[Array]] = {}
+    for block in graph.blocks():
+        if len(block.kinds) > 1:
+            rows = graph.positions(block.keys)
+            ends = [where[kind][rows[:, place]] for place, kind in enumerate(block.kinds[:2])]
+            edges.setdefault(block.role.value, []).append(np.stack(ends, axis=1))
+    poses = [kind for kind in solution.kinds if kind in (SE2, SE3)]
+    points = [where[kind] for kind in solution.kinds if kind not in (SE2, SE3)]
+    covariances = None
+    if ellipses and poses == [SE2]:
+        turn = so2.matrix(solution.values(SE2).array[:, 2:])
+        covariances = turn @ solution.covariances(SE2)[:, :2, :2] @ np.swapaxes(turn, 1, 2)
+    plot_graph(
+        path,
+        where[poses[0]] if poses else np.empty((0, 2)),
+        {role: np.concatenate(parts) for role, parts in edges.items()},
+        points[0] if points else None,
+        covariances,
+        f"chi2 {solution.chi2:.6g}",
+    )
 
 
 def _check(file: GraphFile, init: Init) -> None:

@@ -51,7 +51,7 @@ class Factor:
 
     @property
     def min_pivot(self) -> float:
-        """Smallest ratio of a pivot to its diagonal entry before elimination.
+        """Smallest ratio of a pivot to its diagonal entry (with damping) before elimination.
 
         It is in ``(0, 1]``, 0 after a failure and infinity for an empty matrix; near ``dim * 1e-16`` the
         matrix is singular to working precision.

@@ -28,6 +28,7 @@ VOXEL = 0.05  # metres; side of a surfel
 SEARCH_RESOLUTION = 0.1  # metres; cell of the correlative search for closures
 SEARCH_SIGMA = 0.1  # metres
 SEARCH_LEVELS = 6
+SEARCH_REACH = 20.0  # metres from the anchor; farther surfels serve alignment alone
 FREE_LOG_ODDS = -0.7  # two rays more passed through the cell than ended in it
 WALL_MARGIN = 2  # cells about an occupied one that are not called free
 
@@ -56,8 +57,9 @@ class Submap:
     @cached_property
     def pyramid(self) -> LikelihoodPyramid:
         """The surfels, prepared for the correlative search."""
+        near = np.hypot(self.surfels.points[:, 0], self.surfels.points[:, 1]) < SEARCH_REACH
         return build_pyramid(
-            self.surfels.points, resolution=SEARCH_RESOLUTION, sigma=SEARCH_SIGMA, levels=SEARCH_LEVELS
+            self.surfels.points[near], resolution=SEARCH_RESOLUTION, sigma=SEARCH_SIGMA, levels=SEARCH_LEVELS
         )
 
     @cached_property

@@ -83,8 +83,10 @@ def correlate(
         exclude: pose, distance and angle of a neighbourhood to leave out (to ask for the second-best peak).
     """
     if step_theta is None:
-        reach = np.percentile(np.hypot(points[:, 0], points[:, 1]), 90) if len(points) else 1.0
-        step_theta = float(np.clip(pyramid.resolution / max(reach, 1e-3), 0.002, 0.05))
+        distance = np.hypot(points[:, 0], points[:, 1])
+        far = (9 * len(points)) // 10
+        reach = float(np.partition(distance, far)[far]) if len(points) else 1.0
+        step_theta = min(max(pyramid.resolution / max(reach, 1e-3), 0.002), 0.05)
     excluded, distance, angle = exclude if exclude is not None else (np.zeros(0), 0.0, 0.0)
     found, pose, score, likelihood, _ = _native.scan.correlate(
         pyramid.cells, float(pyramid.origin[0]), float(pyramid.origin[1]), pyramid.resolution, points,

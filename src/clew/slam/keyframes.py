@@ -42,6 +42,7 @@ class KeyframeStore:
 
     def __init__(self) -> None:
         self._keyframes: list[Keyframe] = []
+        self._local = np.zeros((64, 3))  # T_local_robot of all, doubled when full
 
     def __len__(self) -> int:
         return len(self._keyframes)
@@ -51,6 +52,10 @@ class KeyframeStore:
 
     def add(self, keyframe: Keyframe) -> int:
         """Append a keyframe; returns its index."""
+        count = len(self._keyframes)
+        if count == len(self._local):
+            self._local = np.concatenate([self._local, np.zeros_like(self._local)])
+        self._local[count] = keyframe.T_local_robot
         self._keyframes.append(keyframe)
         return len(self._keyframes) - 1
 
@@ -64,8 +69,7 @@ class KeyframeStore:
 
     def relative(self, anchor: int, members: NDArray[np.int64]) -> Array:
         """``(M, 3)`` poses of keyframes seen from another by the front end alone: good over short paths."""
-        poses = np.stack([self._keyframes[int(k)].T_local_robot for k in members])
-        return se2.between(self._keyframes[anchor].T_local_robot, poses)
+        return se2.between(self._local[anchor], self._local[members])
 
     def surfels(self, anchor: int, members: NDArray[np.int64], voxel: float) -> ScanPoints:
         """Surfels of neighbouring keyframes in the frame of one of them."""

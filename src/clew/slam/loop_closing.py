@@ -213,17 +213,20 @@ class LoopCloser:
 
     def _withdraw(self) -> None:
         """Take out closures that the optimised graph contradicts."""
+        if not self._accepted:
+            return
         poses = self._graph.poses
-        kept = []
-        for accepted in self._accepted:
-            c = accepted.closure
-            error = se2.between(c.T_target_source, se2.between(poses[c.target], poses[c.source]))
-            residual = float(error @ (self._config.closing.information_scale * c.information) @ error)
-            if residual > self._config.closing.residual:
-                self._graph.remove(accepted.factor)
-                self._rejected.append(replace(c, verdict=Verdict.WITHDRAWN))
-            else:
-                kept.append(accepted)
-        if len(kept) < len(self._accepted):
-            self._accepted = kept
-            self._graph.optimise()
+        closures = [a.closure for a in self._accepted]
+        measured = np.stack([c.T_target_source for c in closures])
+        information = self._config.closing.information_scale * np.stack([c.information for c in closures])
+        between = se2.between(poses[[c.target for c in closures]], poses[[c.source for c in closures]])
+        error = se2.between(measured, between)
+        residual = np.einsum("mi,mij,mj->m", error, information, error)
+        contradicted = residual > self._config.closing.residual
+        if not contradicted.any():
+            return
+        for accepted in (self._accepted[i] for i in np.flatnonzero(contradicted)):
+            self._graph.remove(accepted.factor)
+            self._rejected.append(replace(accepted.closure, verdict=Verdict.WITHDRAWN))
+        self._accepted = [self._accepted[i] for i in np.flatnonzero(~contradicted)]
+        self._graph.optimise()

@@ -41,6 +41,7 @@ class PoseGraph:
         self._solved = 0  # keyframes that the last solution knows
         self._edge_covariances: list[Array] = []  # (3, 3) of each keyframe seen from the one before
         self._steps: list[Array] = []
+        self._poses: Array | None = None  # as the graph holds them, until it changes
 
     def __len__(self) -> int:
         return len(self._steps)
@@ -48,7 +49,9 @@ class PoseGraph:
     @property
     def poses(self) -> Array:
         """``(K, 3)`` of the keyframes in the world."""
-        return np.asarray(self.graph.values(SE2).array, dtype=np.float64)
+        if self._poses is None:
+            self._poses = np.asarray(self.graph.values(SE2).array, dtype=np.float64)
+        return self._poses
 
     def add_keyframe(self, keyframe: Keyframe) -> None:
         """Append a keyframe, tied to the one before."""
@@ -62,6 +65,7 @@ class PoseGraph:
             self.graph.add(Between(k - 1, k, step, information=keyframe.information, role=Role.ODOMETRY))
             self._edge_covariances.append(np.asarray(np.linalg.inv(keyframe.information), dtype=np.float64))
         self._steps.append(keyframe.T_previous_this)
+        self._poses = None
 
     def add_closure(self, closure: Closure, information: Array) -> int:
         """Tie two keyframes by a closure; returns what `remove` takes."""
@@ -81,11 +85,12 @@ class PoseGraph:
             return
         self._solution = optimize(self.graph, init="file")
         self._solved = len(self)
-        self.graph.set_values(np.arange(len(self)), self._solution.values(SE2))
+        self.set_poses(self._solution.values(SE2).array)
 
     def set_poses(self, poses: Array) -> None:
         """Put the keyframes to poses ``(K, 3)`` found elsewhere."""
         self.graph.set_values(np.arange(len(self)), SE2.from_array(poses))
+        self._poses = None
 
     def relative_covariances(self, source: int, targets: NDArray[np.int64]) -> Array:
         """Covariance ``(T, 3, 3)`` of the source's pose seen from each target, in the source's tangent."""
@@ -99,24 +104,28 @@ class PoseGraph:
             transport = se2.adjoint(se2.inverse(self._steps[k]))
             ahead = transport @ ahead @ transport.T + self._edge_covariances[k]
         to_source = se2.adjoint(se2.between(poses[source], poses[known]))
-        out = np.empty((len(targets), 3, 3))
-        for row, target in enumerate(targets):  # a handful of candidates
-            by_target, by_known = se2.local_jacobians(poses[target], poses[known])
-            joint = self._joint(int(target), known)
-            jacobian = np.concatenate([by_target, by_known], axis=1)
-            relative = jacobian @ joint @ jacobian.T
-            # From the decoupled tangent of `local` (target's axes) to the known keyframe's own tangent.
-            turn = by_known.T
-            out[row] = to_source @ (turn @ relative @ turn.T) @ to_source.T + ahead
-        return out
+        joint = self._joint(np.append(targets, known))
+        by_target, by_known = se2.local_jacobians(poses[targets], poses[known])
+        count = len(targets)
+        rows = np.arange(count)
+        blocks = joint.reshape(count + 1, 3, count + 1, 3).transpose(0, 2, 1, 3)
+        cross = by_target @ blocks[rows, count] @ by_known.transpose(0, 2, 1)
+        relative = (
+            by_target @ blocks[rows, rows] @ by_target.transpose(0, 2, 1)
+            + by_known @ blocks[count, count] @ by_known.transpose(0, 2, 1)
+            + cross
+            + cross.transpose(0, 2, 1)
+        )
+        # `local` measures in the target's axes; turned into the known keyframe's, then carried on to the source.
+        turn = to_source @ by_known.transpose(0, 2, 1)
+        return np.asarray(turn @ relative @ turn.transpose(0, 2, 1) + ahead, dtype=np.float64)
 
-    def _joint(self, a: int, b: int) -> Array:
-        """Joint covariance ``(6, 6)`` of two keyframes; the first keyframe is certain."""
+    def _joint(self, keys: NDArray[np.int64]) -> Array:
+        """Joint covariance ``(3 n, 3 n)`` of different keyframes; the first keyframe of the graph is certain."""
         assert self._solution is not None
-        joint = np.zeros((6, 6))
-        free = [key for key in (a, b) if key != 0]
-        if a == b:
-            raise ValueError("a keyframe has no uncertainty against itself")
-        rows = np.concatenate([np.arange(3) + 3 * (a, b).index(key) for key in free])
-        joint[np.ix_(rows, rows)] = self._solution.joint_covariance(free)
+        joint = np.zeros((3 * len(keys), 3 * len(keys)))
+        free = np.flatnonzero(keys != 0)
+        if len(free):
+            rows = (3 * free[:, None] + np.arange(3)).ravel()
+            joint[np.ix_(rows, rows)] = self._solution.joint_covariance(keys[free])
         return joint

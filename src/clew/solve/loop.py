@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from clew.noise import Kernel
+from clew.solve.evaluate import System
 from clew.solve.problem import Problem, Values
 from clew.solve.search import Search
 from clew.solve.status import Status
@@ -50,10 +51,11 @@ class Progress:
 
 @dataclass(eq=False)
 class Trace:
-    """What the iteration leaves behind."""
+    """What the iteration leaves behind; `system` holds the normal equations at `values`."""
 
     values: Values
     chi2: list[float]
+    system: System
     status: Status = Status.MAX_ITERATIONS
     iterations: int = 0
     seconds: dict[str, float] = field(default_factory=lambda: {"linearise": 0.0, "factorise": 0.0})
@@ -76,7 +78,7 @@ def iterate(
     """
     clock = _Clock()
     system, other = problem.empty_system(), problem.empty_system()
-    trace = Trace(values, [problem.evaluate(values, robust, system)])
+    trace = Trace(values, [problem.evaluate(values, robust, system)], system)
     clock.lap(trace, "linearise")
     if problem.pattern.dim == 0:
         trace.status = Status.NOTHING_TO_DO
@@ -106,6 +108,7 @@ def iterate(
             trace.values = candidate
             trace.chi2.append(chi2)
             system, other = other, system
+            trace.system = system
         if callback is not None and callback(Progress(trace.iterations, trace.chi2[-1], fresh, largest)):
             trace.status = Status.STOPPED
             break

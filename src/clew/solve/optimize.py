@@ -99,7 +99,7 @@ def optimize(
     stopping = Stopping(max_iterations, cost_tolerance, step_tolerance, gradient_tolerance)
     search = METHODS[method]()
     trace = iterate(problem, values, robust, search, stopping, callback)
-    posterior = Posterior(problem, trace.values, robust)
+    posterior = Posterior(problem, trace.values, trace.system)
     status, diagnosis = diagnose(posterior, gauge, trace.status, search)
     seconds = {
         "compile": compiled - start,

@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 
 from clew.errors import InputError
 from clew.linalg import Factor, FactorStatus
-from clew.noise import Kernel
 from clew.solve.evaluate import System
 from clew.solve.problem import Problem, Values
 
@@ -26,19 +25,12 @@ NO_COVARIANCE = (
 class Posterior:
     """The Gaussian around the minimum: inverse of the (robustly weighted) Hessian, factored when first asked.
 
-    Variables that are held constant have the covariance zero.
+    `system` holds the normal equations at `values`. Variables that are held constant have covariance zero.
     """
 
     problem: Problem
     values: Values
-    robust: Kernel | None
-
-    @cached_property
-    def system(self) -> System:
-        """Normal equations at the solution."""
-        system = self.problem.empty_system()
-        self.problem.evaluate(self.values, self.robust, system)
-        return system
+    system: System
 
     @cached_property
     def factor(self) -> Factor:

@@ -12,16 +12,18 @@ from clew.view.style import FREE, OCCUPIED, UNKNOWN
 # Probabilities at which a cell is drawn fully free and fully occupied; weaker evidence fades towards unknown.
 _SURELY_FREE = 0.25
 _SURELY_OCCUPIED = 0.7
+_LEVELS = 1000  # probabilities that are told apart
 
 
 def grid_pixels(grid: OccupancyGrid) -> NDArray[np.uint8]:
     """``(H, W, 3)`` colours of the cells; row 0 is the highest y, as in a picture."""
-    probabilities = grid.probabilities()[::-1]
     stops = (_SURELY_FREE, 0.5, np.nextafter(0.5, 1.0), _SURELY_OCCUPIED)
     unknown, free, occupied = (np.array(to_rgb(colour)) for colour in (UNKNOWN, FREE, OCCUPIED))
     colours = np.stack([free, unknown, 0.5 * (unknown + occupied), occupied])
-    channels = [np.interp(probabilities, stops, colours[:, channel]) for channel in range(3)]
-    return np.round(255.0 * np.stack(channels, axis=-1)).astype(np.uint8)
+    levels = np.arange(_LEVELS + 1) / _LEVELS
+    table = np.stack([np.interp(levels, stops, colours[:, channel]) for channel in range(3)], axis=-1)
+    level_of_cell = np.rint(grid.probabilities()[::-1] * _LEVELS).astype(np.uint16)
+    return np.asarray(np.round(255.0 * table).astype(np.uint8)[level_of_cell])
 
 
 def fitted(grid: OccupancyGrid, longest: int) -> tuple[NDArray[np.uint8], float]:

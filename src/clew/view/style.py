@@ -7,7 +7,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from matplotlib.artist import Artist
 from matplotlib.axes import Axes
+from matplotlib.backend_bases import RendererBase
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.font_manager import FontProperties
@@ -45,6 +47,21 @@ def font(points: float, bold: bool = False) -> FontProperties:
     return FontProperties(family="DejaVu Sans", size=points, weight="bold" if bold else "normal")
 
 
+class _Pixels(Artist):
+    """An image that is copied as it is; matplotlib's own would resample it in floats, at 20 times the memory."""
+
+    def __init__(self, pixels: NDArray[np.uint8], left: int, bottom: int) -> None:
+        super().__init__()
+        opaque = np.full((*pixels.shape[:2], 1), 255, dtype=np.uint8)
+        self._rgba = np.concatenate([pixels, opaque], axis=2)[::-1]  # the renderer's rows rise with y
+        self._left, self._bottom = left, bottom
+        self.set_zorder(-1)
+
+    def draw(self, renderer: RendererBase) -> None:
+        """Copy the pixels to the canvas."""
+        renderer.draw_image(renderer.new_gc(), self._left, self._bottom, self._rgba)
+
+
 class Sheet:
     """A picture of `width` x `height` pixels; everything is placed in pixels from its lower left corner."""
 
@@ -66,7 +83,7 @@ class Sheet:
 
     def image(self, pixels: NDArray[np.uint8], left: int, bottom: int) -> None:
         """An image ``(height, width, 3)`` pixel by pixel, below all lines; its row 0 is at the top."""
-        self.figure.figimage(pixels, left, bottom, origin="upper", zorder=-1)
+        self.figure.add_artist(_Pixels(pixels, left, bottom))
 
     def text(self, x: float, y: float, text: str, points: float, *, color: str = INK, bold: bool = False,
              align: str = "left") -> None:
