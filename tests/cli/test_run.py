@@ -32,6 +32,12 @@ def finished(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
+def planar(path: Path) -> tuple[np.ndarray, np.ndarray]:
+    """Timestamps and poses ``(N, 3)`` of a TUM file."""
+    stamps, poses = read_tum(path)
+    return stamps, np.column_stack([poses[:, :2], 2 * np.arctan2(poses[:, 5], poses[:, 6])])
+
+
 def summary_of(folder: Path) -> dict[str, object]:
     return json.loads((folder / "summary.json").read_text())
 
@@ -44,7 +50,7 @@ def test_all_files_are_there_and_no_others(finished: Path) -> None:
 
 
 def test_trajectory_has_a_pose_for_every_scan_near_the_truth(finished: Path) -> None:
-    stamps, poses = read_tum(finished / "out" / "trajectory.tum")
+    stamps, poses = planar(finished / "out" / "trajectory.tum")
     log = open_log(finished / "robot.log")
     assert len(stamps) == log.scan_count == summary_of(finished / "out")["scans"]
     np.testing.assert_allclose(stamps, drive().timestamps, atol=1e-6)
@@ -57,7 +63,7 @@ def test_graph_is_that_of_the_summary(finished: Path) -> None:
     graph = read_graph(out / "graph.g2o").graph
     assert len(graph) == summary["keyframes"]
     assert chi2(graph) == pytest.approx(summary["chi2"], rel=1e-4, abs=1e-6)
-    stamps, poses = read_tum(out / "keyframes.tum")
+    stamps, poses = planar(out / "keyframes.tum")
     assert len(stamps) == summary["keyframes"]
     np.testing.assert_allclose(graph.values(SE2).array, poses, atol=1e-5)
 
@@ -65,9 +71,10 @@ def test_graph_is_that_of_the_summary(finished: Path) -> None:
 def test_map_is_read_back_and_holds_the_trajectory_in_its_free_space(finished: Path) -> None:
     grid = read_ros_map(finished / "out" / "map.yaml")
     assert grid.resolution == 0.05
-    _, poses = read_tum(finished / "out" / "trajectory.tum")
+    _, poses = planar(finished / "out" / "trajectory.tum")
     columns, rows = np.floor((poses[:, :2] - grid.origin[:2]) / grid.resolution).astype(int).T
-    assert np.mean(grid.occupancy[rows, columns] == 0.0) > 0.98
+    assert np.mean(grid.occupancy[rows, columns] == 0.0) > 0.85  # the laser looks ahead, not at where it starts
+    assert not np.any(grid.occupancy[rows, columns] == 1.0)
     assert 50 < np.count_nonzero(grid.occupancy == 1.0) < grid.occupancy.size / 10
     size = summary_of(finished / "out")["map_size_m"]
     np.testing.assert_allclose(size, np.array(grid.occupancy.shape[::-1]) * 0.05, atol=0.01)
