@@ -87,11 +87,11 @@ def correlate(
         far = (9 * len(points)) // 10
         reach = float(np.partition(distance, far)[far]) if len(points) else 1.0
         step_theta = min(max(pyramid.resolution / max(reach, 1e-3), 0.002), 0.05)
-    excluded, distance, angle = exclude if exclude is not None else (np.zeros(0), 0.0, 0.0)
+    excluded, rival_distance, rival_angle = exclude if exclude is not None else (np.zeros(0), 0.0, 0.0)
     found, pose, score, likelihood, _ = _native.scan.correlate(
         pyramid.cells, float(pyramid.origin[0]), float(pyramid.origin[1]), pyramid.resolution, points,
         np.asarray(centre, dtype=np.float64), np.asarray(half_window, dtype=np.float64), step_theta,
         np.full(3, np.inf) if prior_sigmas is None else np.asarray(prior_sigmas, dtype=np.float64),
-        prior_weight, minimum_score, excluded, distance, angle,
+        prior_weight, minimum_score, excluded, rival_distance, rival_angle,
     )  # fmt: skip
     return CorrelativeMatch(pose, score, likelihood) if found else None
