@@ -34,11 +34,11 @@ def evaluate(
     measure for laser logs. With --truth: distance from the true trajectory after the best rigid alignment, and
     drift over a fixed distance or time. Give one of them or both.
 
-    [bold]Examples[/bold]
+    **Examples**
 
-    clew evaluate out/trajectory.tum --relations intel.relations
+    `clew evaluate out/trajectory.tum --relations intel.relations`
 
-    clew evaluate out/trajectory.tum --truth truth.tum --delta 5s --json
+    `clew evaluate out/trajectory.tum --truth truth.tum --delta 5s --json`
     """
     from clew.evaluate import absolute_trajectory_error, relation_errors, relative_pose_error
     from clew.io import read_relations, read_tum

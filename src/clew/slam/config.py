@@ -21,7 +21,11 @@ class TrackingOptions:
         map_keyframes: how many recent keyframes make the local map.
         resolution, sigma: cell and blur of the correlative search, metres.
         window_sigmas: half of the search window in deviations of the prediction,
-        window_floor: and its least half size, metres, metres, radians.
+        window_floor: and its least half size, metres, metres, radians,
+        window_ceiling: and its largest: the time of a search grows with its window.
+        fastest: odometry that claims a greater speed, metres a second, has jumped, as when it is reset; motion is
+            predicted without it,
+        carry_on: by the last velocity, for so many seconds at most.
         prior_weight: weight of the prediction against the mean likelihood in the search.
         voxel: side of a surfel of the local map, metres.
         return_weight: what a return counts against the prediction in the match,
@@ -42,6 +46,9 @@ class TrackingOptions:
     sigma: float = 0.06
     window_sigmas: float = 5.0
     window_floor: tuple[float, float, float] = (0.3, 0.3, 0.2)
+    window_ceiling: tuple[float, float, float] = (5.5, 5.5, 3.2)
+    fastest: float = 5.0
+    carry_on: float = 1.0
     prior_weight: float = 0.04
     voxel: float = 0.05
     return_weight: float = 0.3

@@ -80,15 +80,26 @@ class Slam:
             self.add_scan(measurement)
 
     def add_odometry(self, odometry: Odometry) -> None:
-        """Take an odometry reading; readings come in the order of time."""
+        """Take an odometry reading; readings come in the order of time.
+
+        Raises:
+            InputError: the reading is no pose of finite numbers.
+        """
+        if np.shape(odometry.T_odom_robot) != (3,) or not np.isfinite([*odometry.T_odom_robot, odometry.timestamp]).all():
+            raise InputError(
+                f"odometry at {odometry.timestamp:.6f} s: {odometry.T_odom_robot} is no pose (x, y, theta) of "
+                "finite numbers: leave it out"
+            )
         self._odometry.add(odometry)
 
     def add_scan(self, scan: LaserScan) -> SE2:
         """Take a scan; returns the pose of the robot at it, ``T_world_robot``.
 
         Raises:
-            InputError: the scan is not later than the last one, or no odometry has come though it is expected.
+            InputError: the scan is not later than the last one, its geometry is not finite, or no odometry has come
+                though it is expected.
         """
+        _check(scan)
         if self._scans and scan.timestamp <= self._scans[-1].timestamp:
             raise InputError(
                 f"the scan at {scan.timestamp:.6f} s is not later than the last one, at "
@@ -203,4 +214,14 @@ class Slam:
             self.trajectory.T_world_robot,
             resolution=resolution or self.config.map_resolution,
             progress=progress,
+        )
+
+
+def _check(scan: LaserScan) -> None:
+    """Ranges may be anything, but where they were measured must be known."""
+    numbers = [scan.timestamp, scan.angle_min, scan.angle_increment, *scan.T_robot_sensor]
+    if scan.ranges.ndim != 1 or len(scan.T_robot_sensor) != 3 or not np.isfinite(numbers).all():
+        raise InputError(
+            f"the scan at {scan.timestamp:.6f} s: give ranges (n,), finite angles and a finite T_robot_sensor "
+            "(x, y, theta)"
         )
