@@ -13,6 +13,7 @@ from clew.slam.keyframes import Keyframe
 from clew.slam.pose_graph import FACTORISE_AFTER, PoseGraph, chi2
 
 Array = NDArray[np.float64]
+Edges = list[tuple[int, int, Array, Array]]
 NOTHING = ScanPoints(np.zeros((0, 2)), np.zeros((0, 2)), np.zeros(0), np.zeros(0))
 
 
@@ -21,7 +22,7 @@ def random_information(rng: np.random.Generator) -> Array:
     return root @ root.T * np.array([[400.0]])
 
 
-def built(seed: int, count: int, closures: list[tuple[int, int]]) -> tuple[PoseGraph, list[tuple[int, int, Array, Array]]]:
+def built(seed: int, count: int, closures: list[tuple[int, int]]) -> tuple[PoseGraph, Edges]:
     """A graph of keyframes with full informations whose closures agree, and all its edges."""
     rng = np.random.default_rng(seed)
     graph, edges = PoseGraph(10.0), []
@@ -39,7 +40,7 @@ def built(seed: int, count: int, closures: list[tuple[int, int]]) -> tuple[PoseG
     return graph, edges
 
 
-def dense_covariance(poses: Array, edges: list[tuple[int, int, Array, Array]]) -> Array:
+def dense_covariance(poses: Array, edges: Edges) -> Array:
     """``(3 K, 3 K)`` inverse of the Hessian with numeric Jacobians, the first keyframe certain."""
     size = 3 * len(poses)
     hessian = np.zeros((size, size))

@@ -85,9 +85,10 @@ class Slam:
         Raises:
             InputError: the reading is no pose of finite numbers.
         """
-        if np.shape(odometry.T_odom_robot) != (3,) or not np.isfinite([*odometry.T_odom_robot, odometry.timestamp]).all():
+        pose = odometry.T_odom_robot
+        if np.shape(pose) != (3,) or not np.isfinite([*pose, odometry.timestamp]).all():
             raise InputError(
-                f"odometry at {odometry.timestamp:.6f} s: {odometry.T_odom_robot} is no pose (x, y, theta) of "
+                f"odometry at {odometry.timestamp:.6f} s: {pose} is no pose (x, y, theta) of "
                 "finite numbers: leave it out"
             )
         self._odometry.add(odometry)
