@@ -1,9 +1,9 @@
 """Returns from what does not stay: people, carts, doors.
 
-A place is *seen* at the moments in which a return lay in its cell or one beside it, and *seen through* at those in which
-a ray passed its cell with room to spare. A return moves when its place was seen through far more often than seen. The
-idea is that of ray tracing in visibility-based map cleaning (Schauer, Nuechter: The Peopleremover, RA-L 2018), in the
-plane and with moments for sweeps.
+A place is *seen* at the moments in which a return lay in its cell or one beside it, and *seen through* at those in
+which a ray passed its cell with room to spare. A return moves when its place was seen through far more often than
+seen. The idea is that of cleaning clouds by visibility (Schauer, Nuechter: The Peopleremover, RA-L 2018), in the plane
+and with moments for sweeps.
 """
 
 from __future__ import annotations
@@ -97,4 +97,4 @@ def usable_ranges(scans: Sequence[LaserScan]) -> Array:
 
 def moments(timestamps: Array, seconds: float) -> NDArray[np.int32]:
     """Number of the moment that each timestamp ``(N,)``, not decreasing, belongs to: `seconds` of the clock each."""
-    return np.floor((timestamps - timestamps[0]) / seconds).astype(np.int32)
+    return np.asarray(np.floor((timestamps - timestamps[0]) / seconds), dtype=np.int32)

@@ -29,8 +29,9 @@ def simulate_demo(seed: int = 1, *, duration: float = 400.0, people: int = 0, do
     return simulate_kind("office", seed, duration=duration, people=people, doors=doors)
 
 
-def simulate_kind(kind: str, seed: int, *, duration: float = 400.0, rate: float = 5.0, people: int = 0, doors: bool = False,
-                  laser: LaserModel | None = None, odometry: OdometryModel | None = None) -> SimulatedLog:
+def simulate_kind(kind: str, seed: int, *, duration: float = 400.0, rate: float = 5.0, people: int = 0,
+                  doors: bool = False, laser: LaserModel | None = None,
+                  odometry: OdometryModel | None = None) -> SimulatedLog:
     """A drive through a world of one of the `KINDS`; the seed makes world, way and noise.
 
     Args:

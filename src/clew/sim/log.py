@@ -43,7 +43,7 @@ class SimulatedLog:
         ranges: ``(N, B)`` metres, ``inf`` for no return.
         moving: ``(N, B)`` True where the beam met a person or the leaf of a door.
         door: ``(N, B)`` True where it was a door.
-        door_share: ``(N, D)`` how far each door of the world stood open, from 0 (closed) to 1; without doors ``(N, 0)``.
+        door_share: ``(N, D)`` how far each door of the world stood open, from 0 (closed) to 1; ``(N, 0)`` without.
         path: stands for the path of a log file; nothing is there.
         report: counts of records.
     """
@@ -119,7 +119,8 @@ def simulate(world: World, driven: Drive, laser: LaserModel, odometry: OdometryM
     if doors:
         walkers = np.concatenate([poses[:, None, :2], positions], axis=1)
         share = swing(world, driven.timestamps, walkers, int(of_doors.generate_state(1)[0]))
-    distances, door = cover_by_doors(distances, T_world_sensor, laser.angles, leaves(world.doors[:share.shape[1]], share))
+    segments = leaves(world.doors[:share.shape[1]], share)
+    distances, door = cover_by_doors(distances, T_world_sensor, laser.angles, segments)
     distances, person = cover(distances, T_world_sensor, laser.angles, positions)
     ranges = laser.measure(distances, np.random.default_rng(of_laser))
     seen = np.isfinite(ranges)
