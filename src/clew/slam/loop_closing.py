@@ -191,20 +191,20 @@ class LoopCloser:
         best = max(candidates, key=lambda c: c.likelihood * c.overlap)
         if any(not self._agree(best, c) for c in candidates):
             self._rejected += [replace(c, verdict=Verdict.AMBIGUOUS) for c in candidates]
+            self._expire()
             return False
-        if self._is_tracked(best):
-            self._accept(best)
-        else:
-            self._waiting += candidates
+        supporters: list[Closure] = []
+        if not self._is_tracked(best):
             supporters = [w for w in self._waiting if w.source != best.source and self._agree(best, w)]
-            sources = {w.source for w in supporters}
-            if len(sources) < self._config.closing.supporters:
+            if len({w.source for w in supporters}) < self._config.closing.supporters:
+                self._waiting += candidates
                 self._expire()
                 return False
-            for closure in [best, *supporters]:
-                self._accept(closure)
-            confirmed = {(c.source, c.target) for c in [best, *supporters]}
-            self._waiting = [w for w in self._waiting if (w.source, w.target) not in confirmed]
+        confirmed = [*candidates, *supporters]
+        for closure in confirmed:
+            self._accept(closure)
+        taken = {id(closure) for closure in supporters}
+        self._waiting = [w for w in self._waiting if id(w) not in taken]
         self._expire()
         self._graph.optimise()
         self._withdraw()
