@@ -70,6 +70,7 @@ class ClosingOptions:
         reach: a submap is a candidate when it may lie this close, metres.
         candidates: submaps that are matched at most in one attempt.
         similarity: least cosine of the descriptors.
+        caution: factor on the covariance of the prediction: drift is not quite the sum of independent errors.
         sigmas: half of the search window in deviations of the prediction,
         window_floor: its least half size, metres and radians,
         window_ceiling: and its largest.
@@ -79,7 +80,8 @@ class ClosingOptions:
         support_path: from sources within this many metres of path.
         cached_submaps: submaps kept in memory.
         information_scale: as in `TrackingOptions`.
-        kernel_scale: scale of the robust kernel on closures (DCS), in squared whitened residuals.
+        kernel_scale: scale of the robust kernel on closures (Huber: convex, so that a right closure pulls from any
+            distance), in whitened residuals.
         residual: a closure with a larger squared residual after optimisation is withdrawn.
     """
 
@@ -91,6 +93,7 @@ class ClosingOptions:
     reach: float = 5.0
     candidates: int = 3
     similarity: float = 0.5
+    caution: float = 3.0
     sigmas: float = 3.0
     window_floor: tuple[float, float] = (0.3, 0.06)
     window_ceiling: tuple[float, float] = (12.0, 1.0)
@@ -99,8 +102,8 @@ class ClosingOptions:
     supporters: int = 2
     support_path: float = 6.0
     cached_submaps: int = 64
-    information_scale: float = 0.06
-    kernel_scale: float = 10.0
+    information_scale: float = 0.04
+    kernel_scale: float = 3.0
     residual: float = 40.0
 
 

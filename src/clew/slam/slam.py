@@ -115,7 +115,8 @@ class Slam:
         tracked = self._tracker.track(scan, T_odom_robot)
         self._scans.append(scan)
         self._tracked.append(tracked)
-        self._T_odom_robot.append(np.zeros(3) if T_odom_robot is None else T_odom_robot)
+        if T_odom_robot is not None:
+            self._T_odom_robot.append(T_odom_robot)
         self._refined = None
         if tracked.is_keyframe:
             self._pose_graph.add_keyframe(self._keyframes[tracked.keyframe])
@@ -167,10 +168,10 @@ class Slam:
 
     @property
     def odometry(self) -> Trajectory:
-        """What odometry alone says, from the world's origin; without odometry, all zero."""
-        stamps = np.array([scan.timestamp for scan in self._scans])
+        """What odometry alone says, from the world's origin; empty without odometry."""
         if not self._T_odom_robot:
-            return Trajectory(stamps, np.zeros((0, 3)))
+            return Trajectory(np.zeros(0), np.zeros((0, 3)))
+        stamps = np.array([scan.timestamp for scan in self._scans])
         poses = np.stack(self._T_odom_robot)
         return Trajectory(stamps, se2.between(poses[0], poses))
 
