@@ -156,6 +156,20 @@ def test_with_no_return_at_all_the_trajectory_is_odometry() -> None:
     slam.map(0.2)
 
 
+def test_without_returns_each_edge_is_as_uncertain_as_the_odometry_on_it() -> None:
+    log = outing("office")
+    slam = blinded(log, slice(None))
+    block, = (b for b in slam.graph.blocks() if b.role is Role.ODOMETRY)
+    of_rotation = np.linalg.inv(block.information)[:, 2, 2]
+    at = np.searchsorted(log.timestamps, slam.keyframes.timestamps)
+    increments = se2.between(log.T_odom_robot[:-1], log.T_odom_robot[1:])
+    every = slam.config.odometry.covariance(increments)[:, 2, 2]
+    expected = np.add.reduceat(every[: at[-1]], at[:-1])
+    assert len(of_rotation) > 30
+    assert np.all(of_rotation < 1.05 * expected)
+    assert np.all(of_rotation > 0.5 * expected)
+
+
 def test_nothing_and_next_to_nothing() -> None:
     slam = Slam()
     slam.refine()
