@@ -15,7 +15,7 @@ from scipy.spatial import ConvexHull, QhullError
 from scipy.stats import binom
 
 from clew.fleet.rigid_fit import RigidFit, fit_rigid, mahalanobis, pair_covariances
-from clew.geometry import se2
+from clew.geometry import se2, so2
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
@@ -23,7 +23,7 @@ Mask = NDArray[np.bool_]
 
 #: Numbers that limit the work: partners of a landmark in proposals, proposals scored, proposals refined.
 NEIGHBOURS, MOST_SCORED, MOST_REFINED = 24, 12_000, 40
-CHUNK = 4_000_000  # distances held in memory at a time
+CHUNK = 200_000  # distances held in memory at a time
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,9 +75,10 @@ def find_agreement(a: PointMap, b: PointMap, compatible: Mask, *, gate: float, s
     proposals, total = _propose(a, b, spread_a, spread_b, compatible, np.sqrt(gate), seed)
     if total == 0:
         return None
-    reach = gate * (spread_a[:, None] ** 2 + spread_b[None, :] ** 2)
+    reach = gate * (spread_b[:, None] ** 2 + spread_a[None, :] ** 2)
+    within = np.where(compatible.T, reach, -1.0)
     counts = np.concatenate([
-        _count(a, b, chunk, compatible, reach)
+        _count(a, b, chunk, within)
         for chunk in np.array_split(proposals, 1 + len(proposals) * len(a) * len(b) // CHUNK)
     ])  # fmt: skip
     best: list[tuple[RigidFit, Index]] = []
@@ -100,14 +101,30 @@ def find_agreement(a: PointMap, b: PointMap, compatible: Mask, *, gate: float, s
 
 def match_nearest(a: PointMap, b: PointMap, T_a_b: Array, compatible: Mask, gate: float) -> Index:
     """Pairs ``(n, 2)`` of landmarks that are each other's nearest under a pose, within the gate."""
-    moved = se2.act(T_a_b, b.points)
-    covariances = pair_covariances(T_a_b[None], a.covariances[:, None], b.covariances[None])
-    distances = mahalanobis(a.points[:, None] - moved[None], covariances.reshape(len(a), len(b), 2, 2))
-    distances = np.where(compatible & (distances < gate), distances, np.inf)
+    if not len(a) or not len(b):
+        return np.empty((0, 2), np.int64)
+    distances = _distances(a, b, T_a_b, compatible, gate)
     nearest_a, nearest_b = distances.argmin(axis=0), distances.argmin(axis=1)
     mutual = np.flatnonzero(nearest_b[nearest_a] == np.arange(len(b)))
     mutual = mutual[np.isfinite(distances[nearest_a[mutual], mutual])]
     return np.stack([nearest_a[mutual], mutual], axis=1)
+
+
+def match_unique(a: PointMap, b: PointMap, fit: RigidFit, compatible: Mask, gate: float) -> Index:
+    """Pairs ``(n, 2)`` of landmarks that nothing else comes near, with what the pose itself is uncertain by."""
+    jacobian = se2.act_jacobians(np.broadcast_to(fit.T_a_b, (len(b), 3)), b.points)[0]
+    rotation = so2.matrix(fit.T_a_b[2:])
+    moved = rotation.T @ jacobian @ fit.covariance @ np.swapaxes(jacobian, 1, 2) @ rotation  # in frame b
+    near = np.isfinite(_distances(a, PointMap(b.points, b.covariances + moved), fit.T_a_b, compatible, gate))
+    alone = near & (near.sum(axis=0) == 1)[None] & (near.sum(axis=1) == 1)[:, None]
+    return np.argwhere(alone)
+
+
+def _distances(a: PointMap, b: PointMap, T_a_b: Array, compatible: Mask, gate: float) -> Array:
+    """Squared Mahalanobis distances ``(len(a), len(b))``, infinite for landmarks that are not together."""
+    covariances = pair_covariances(T_a_b, a.covariances[:, None], b.covariances[None])
+    distances = mahalanobis(a.points[:, None] - se2.act(T_a_b, b.points)[None], covariances)
+    return np.where(compatible & (distances < gate), distances, np.inf)
 
 
 def share_in_common_area(a: PointMap, b: PointMap, T_a_b: Array, pairs: Index) -> float:
@@ -174,12 +191,14 @@ def _pairs(points: PointMap, both_ways: bool) -> tuple[Index, Index, Array]:
     return first, second, distance[first, second]
 
 
-def _count(a: PointMap, b: PointMap, poses: Array, compatible: Mask, reach: Array) -> Index:
-    """How many landmarks each pose ``(H, 3)`` brings within `reach` (squared), counted once on either side."""
-    moved = se2.act(poses[:, None], b.points[None])  # (H, nb, 2)
-    squared = ((a.points[None, :, None] - moved[:, None]) ** 2).sum(axis=-1)
-    together = (squared < reach) & compatible
-    return np.asarray(np.minimum(together.any(axis=1).sum(axis=1), together.any(axis=2).sum(axis=1)))
+def _count(a: PointMap, b: PointMap, poses: Array, reach: Array) -> Index:
+    """How many landmarks of b each pose ``(H, 3)`` brings within `reach` (squared; ``(len(b), len(a))``) of one of a."""
+    moved, fixed = se2.act(poses[:, None], b.points[None]), a.points
+    # Coordinate by coordinate: a product with an inner length of 2 is no work for a threaded BLAS.
+    squared = (moved[..., 0, None] - fixed[:, 0]) ** 2
+    squared += (moved[..., 1, None] - fixed[:, 1]) ** 2
+    together = squared < reach
+    return np.asarray(together.any(axis=2).sum(axis=1))
 
 
 def _refine(a: PointMap, b: PointMap, pose: Array, compatible: Mask, gate: float) -> tuple[RigidFit, Index] | None:

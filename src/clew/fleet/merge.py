@@ -116,14 +116,14 @@ def _links(robots: Sequence[RobotGraph],
         if isinstance(link, Link):
             links[a, b] = link
             continue
+        refusals[a, b] = link
         if robots[a].pose_kind is not SE2:
-            refusals[a, b] = link
             continue
         found = relative_pose(robots[a], robots[b], options)
         if found.verdict is Verdict.FOUND:
             links[a, b] = Link(found.T_a_b, found.support, found)
         else:
-            refusals[a, b] = _reason(found)
+            refusals[a, b] = f"{link}, and {_reason(found)}"
     return links, refusals
 
 

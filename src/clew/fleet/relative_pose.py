@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy.stats import chi2
 
 from clew.errors import InputError
-from clew.fleet.constellation import Agreement, PointMap, find_agreement, match_nearest, share_in_common_area
+from clew.fleet.constellation import Agreement, PointMap, find_agreement, match_unique, share_in_common_area
 from clew.fleet.robot import Encounters, RobotGraph
 from clew.geometry import SE2, se2
 
@@ -156,8 +156,8 @@ def _accepted(a: RobotGraph, b: RobotGraph, found: Agreement, options: MergeOpti
     """The pose, with all landmarks that it brings together, identified ones first."""
     if found.fit.covariance[2, 2] > options.heading**2:
         return _refused(Verdict.UNCERTAIN, found)
-    everything = match_nearest(_points(a, None, options), _points(b, None, options), found.fit.T_a_b,
-                               _compatible(a, b), options.gate)
+    everything = match_unique(_points(a, None, options), _points(b, None, options), found.fit, _compatible(a, b),
+                              options.gate)
     return RelativePose(Verdict.FOUND, found.fit.T_a_b, found.fit.covariance, everything, len(found.pairs),
                         found.runner_up, found.log10_false_alarms)
 

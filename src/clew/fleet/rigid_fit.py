@@ -37,22 +37,22 @@ def fit_rigid(points_a: Array, points_b: Array, covariances_a: Array, covariance
     """
     pose = _closed_form(points_a, points_b, 1.0 / np.trace(covariances_a + covariances_b, axis1=1, axis2=2))
     for _ in range(ITERATIONS):
-        weights = np.linalg.inv(pair_covariances(pose[None], covariances_a, covariances_b)[0])
+        weights = np.linalg.inv(pair_covariances(pose, covariances_a, covariances_b))
         jacobian = se2.act_jacobians(np.broadcast_to(pose, (len(points_b), 3)), points_b)[0]
         weighted = np.swapaxes(jacobian, 1, 2) @ weights
         information = (weighted @ jacobian).sum(axis=0)
         information += 1e-12 * np.trace(information) * np.eye(3)  # points in one place tell no direction
         gradient = np.einsum("nij,nj->i", weighted, points_a - se2.act(pose, points_b))
         pose = se2.retract(pose, np.linalg.solve(information, gradient))
-    distances = mahalanobis(points_a - se2.act(pose, points_b), pair_covariances(pose[None], covariances_a,
-                                                                                covariances_b)[0])
-    return RigidFit(pose, np.linalg.inv(information), distances)
+    differences = points_a - se2.act(pose, points_b)
+    distances = mahalanobis(differences, pair_covariances(pose, covariances_a, covariances_b))
+    return RigidFit(pose, np.asarray(np.linalg.inv(information)), distances)
 
 
 def pair_covariances(T_a_b: Array, covariances_a: Array, covariances_b: Array) -> Array:
-    """Covariances of differences ``p_a - T_a_b p_b``, ``(H, n, 2, 2)`` for ``H`` poses, taking the pose as known."""
-    rotation = so2.matrix(T_a_b[:, 2:])[:, None]
-    return np.asarray(covariances_a + rotation @ covariances_b @ np.swapaxes(rotation, -1, -2))
+    """Covariances ``(..., 2, 2)`` of differences ``p_a - T_a_b p_b``, the pose ``(3,)`` taken as known."""
+    rotation = so2.matrix(T_a_b[2:])
+    return np.asarray(covariances_a + rotation @ covariances_b @ rotation.T)
 
 
 def mahalanobis(differences: Array, covariances: Array) -> Array:
