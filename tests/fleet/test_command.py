@@ -8,7 +8,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 import typer
-from fleet.fleets import fleet, strangers
 from typer.testing import CliRunner
 
 from clew.cli.merge import merge
@@ -18,6 +17,7 @@ from clew.fleet import RobotGraph, read_landmarks, write_landmarks
 from clew.geometry import SE2, Point2
 from clew.graph import FactorGraph
 from clew.io import read_graph, write_graph
+from fleet.fleets import fleet, strangers
 
 APP = typer.Typer()
 APP.command()(merge)

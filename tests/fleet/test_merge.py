@@ -6,8 +6,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from fleet.fleets import fleet, strangers, trajectory_fit
-from fleet.test_relative_pose import still_robot
 
 from clew.errors import InputError
 from clew.factors import Between, Prior
@@ -18,6 +16,8 @@ from clew.graph import FactorGraph
 from clew.io import read_graph
 from clew.sim import RobotRun
 from clew.solve import optimize
+from fleet.fleets import fleet, strangers, trajectory_fit
+from fleet.test_relative_pose import still_robot
 
 FOUR_ROBOTS = Path(__file__).parents[3] / "shared" / "data" / "multirobot" / "example_4robots"
 

@@ -6,7 +6,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from fleet.fleets import fleet, strangers
 
 from clew.errors import InputError
 from clew.factors import Between, RangeBearing
@@ -14,6 +13,7 @@ from clew.fleet import Encounters, MergeOptions, RobotGraph, Verdict, relative_p
 from clew.geometry import SE2, se2
 from clew.graph import FactorGraph
 from clew.sim import RobotRun
+from fleet.fleets import fleet, strangers
 
 
 def error(runs: list[RobotRun], found: np.ndarray) -> tuple[float, float]:

@@ -192,7 +192,7 @@ def _pairs(points: PointMap, both_ways: bool) -> tuple[Index, Index, Array]:
 
 
 def _count(a: PointMap, b: PointMap, poses: Array, reach: Array) -> Index:
-    """How many landmarks of b each pose ``(H, 3)`` brings within `reach` (squared; ``(len(b), len(a))``) of one of a."""
+    """How many landmarks of b each pose ``(H, 3)`` brings within `reach` (squared, ``(b, a)``) of one of a."""
     moved, fixed = se2.act(poses[:, None], b.points[None]), a.points
     # Coordinate by coordinate: a product with an inner length of 2 is no work for a threaded BLAS.
     squared = (moved[..., 0, None] - fixed[:, 0]) ** 2
