@@ -100,7 +100,7 @@ def lap_world(laps: int) -> tuple[clew.FactorGraph, float]:
     for _ in range(count - 1):
         path.append(path[-1].compose(step))
     truth = clew.SE2.from_array(np.stack([pose.array for pose in path]))
-    trees = generator.uniform(-90, 90, (40, 2)) + [0.0, 64.0]
+    trees = np.array([0.0, 64.0]) + generator.uniform(-90, 90, (40, 2))
     drift = np.array([0.0, 0.0, 0.012])  # the odometry's noise is all of one sign
     odometry = truth[:-1].between(truth[1:]).retract(np.broadcast_to(drift, (count - 1, 3)))
     seer = np.arange(0, count, 10)
