@@ -128,3 +128,12 @@ def test_a_graph_that_grows_finds_the_minimum_that_bent_odometry_misses() -> Non
         assert solution.chi2 == pytest.approx(best, rel=1e-6)
     guess = clew.optimize(graph, init="sequential", max_iterations=0)
     assert guess.chi2_initial < 1.1 * best
+
+
+def test_a_graph_that_grows_uses_a_map_that_is_given() -> None:
+    graph, _ = lap_world(1)
+    solved = clew.optimize(graph, init="sequential")
+    graph.set_values(graph.keys(clew.Point2), solved.values(clew.Point2))
+    graph.set_constant(graph.keys(clew.Point2))
+    guess = clew.optimize(graph, init="sequential", max_iterations=0)
+    assert guess.chi2_initial < 1.1 * solved.chi2

@@ -45,7 +45,8 @@ def sequential_guess(problem: Problem, current: Values, relations: Relations, ro
     poses = relations.table
     values[poses] = relations.start.copy()
     (node, parent, edge, forward, _), measurement = span(relations, robust is not None)
-    known = [np.zeros(len(table.keys), bool) for table in problem.tables]
+    known = [columns < 0 for columns in problem.columns]  # landmarks of a given map count from the start
+    known[poses][:] = False
     for batch in np.array_split(np.arange(len(node)), min(BATCHES, len(node))):
         _native.solve.compose_tree(
             node[batch], parent[batch], edge[batch], forward[batch], measurement, values[poses]
