@@ -7,7 +7,9 @@
 
 Real logs are measured by relations between reference poses that are close to each other
 (`clew.evaluate.relations_from_reference`): successive ones, and revisits after 10 m of way or more. The reference is
-another program's estimate, good to some two centimetres. Wall time and memory are those of the whole process.
+another program's estimate, good to some two centimetres. The columns "own scans" need no reference (`clew evaluate
+--self`): relative poses between visits against the alignment of the two scans, and the spread of returns about walls.
+Wall time and memory are those of the whole process.
 """
 
 from __future__ import annotations
@@ -26,7 +28,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from clew.cli.self_evaluation import SelfEvaluation, evaluate_self, in_plane
 from clew.evaluate import (
+    PairErrors,
     RelationErrors,
     absolute_trajectory_error,
     poses_at,
@@ -34,7 +38,7 @@ from clew.evaluate import (
     relations_from_reference,
 )
 from clew.geometry import se2
-from clew.io import read_tum
+from clew.io import open_log, read_tum
 from clew.sim import KINDS, SimulatedLog, simulate_kind, write_carmen
 
 Array = NDArray[np.float64]
@@ -122,8 +126,19 @@ def translation_cell(errors: RelationErrors) -> str:
     return f"{errors.translation.mean:.4f} ± {errors.translation.std:.4f}"
 
 
-def rotation_cell(errors: RelationErrors) -> str:
+def rotation_cell(errors: RelationErrors | PairErrors) -> str:
     return f"{np.degrees(errors.rotation.mean):.3f} ± {np.degrees(errors.rotation.std):.3f}"
+
+
+SELF_COLUMNS = ["pairs", "own scans: cm", "own scans: deg", "spread median: cm"]
+
+
+def self_cells(of_itself: SelfEvaluation) -> list[str]:
+    """Pairs used, mean errors against the alignment of their scans, spread of returns."""
+    pairs = of_itself.pairs
+    return [f"{pairs.used} of {pairs.used + pairs.unused}",
+            f"{100 * pairs.translation.mean:.2f} ± {100 * pairs.translation.std:.2f}", rotation_cell(pairs),
+            f"{100 * of_itself.spread.median:.2f}"]
 
 
 def real_logs(names: list[str], data: Path, output: Path) -> None:
@@ -140,13 +155,14 @@ def real_logs(names: list[str], data: Path, output: Path) -> None:
         relations = relations_from_reference(*read_tum(reference))
         kinds = {"all": relations, "near": relations.select(~relations.revisit),
                  "revisits": relations.select(relations.revisit)}
+        of_itself = evaluate_self(trajectory[0], in_plane(trajectory[1]), open_log(log))
         errors = {kind: relation_errors(*trajectory, chosen) for kind, chosen in kinds.items()}
         unused = errors["all"].unused
         rows.append([name, f"{errors['near'].used} + {errors['revisits'].used}" + f" ({unused} unused)" * bool(unused),
                      *(cell(errors[kind]) for kind in kinds for cell in (translation_cell, rotation_cell)),
-                     *run.cells])
+                     *self_cells(of_itself), *run.cells])
     print_table(["log", "relations near + revisits", "all: m", "all: deg", "near: m", "near: deg", "revisits: m",
-                 "revisits: deg", *RUN_COLUMNS], rows)
+                 "revisits: deg", *SELF_COLUMNS, *RUN_COLUMNS], rows)
 
 
 def simulated_logs(kinds: list[str], seeds: list[int], duration: float, people: int, output: Path) -> None:

@@ -36,7 +36,7 @@ double accumulate(const Block& block, int arity, int residual_dim, const int* di
         cost += robust.rho;
         if (!block.hessian_values) continue;
         const int32_t* gradient = block.gradient + m * arity;
-        double weighted[4][max_dim * max_dim];
+        double weighted[solve::max_arity][max_dim * max_dim];
         for (int p = 0; p < arity; ++p) {
             if (gradient[p] < 0) continue;
             const double* j = jacobians[p] + m * D * dims[p];

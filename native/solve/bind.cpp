@@ -143,7 +143,7 @@ double accumulate(Matrix residual, const std::vector<Cube>& jacobians, Cube info
         pointers.push_back(jacobian.data());
     }
     require(residual_dim <= 16, "a residual may have 16 dimensions at most");
-    require(dims.size() <= 4, "a factor may have four variables at most");
+    require(dims.size() <= solve::max_arity, "a factor may have six variables at most");
     require(residual.shape(0) == count && static_cast<int>(residual.shape(1)) == residual_dim,
             "residual must be (M, d)");
     const Block block = checked(dims, information, gradient, plan, robust, scale, hessian, gradient_values);

@@ -67,7 +67,14 @@ def optimize(
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object instead of text.")] = False,
     threads: Annotated[int, typer.Option(min=1, help="Threads of the factorisation.")] = 1,
 ) -> None:
-    """Optimise a pose graph and say how it went."""
+    """Optimise a pose graph and say how it went.
+
+    **Examples**
+
+    `clew optimize manhattan.g2o -o optimised.g2o`
+
+    `clew optimize out/graph.g2o --robust dcs --json`
+    """
     clock = _Clock()
     from clew.io import read_graph, write_graph
     from clew.solve import optimize as solve

@@ -1,7 +1,25 @@
-"""Motion models: odometry and how far it can be trusted."""
+"""Motion models: where a robot's readings take it, and how far they can be trusted."""
 
+from clew.motion.ackermann import Ackermann
 from clew.motion.buffer import OdometryBuffer
+from clew.motion.integrate import Pieces, Preintegrated, cut, preintegrate
 from clew.motion.noise import OdometryNoise
 from clew.motion.odometry import Odometry
+from clew.motion.step import MotionStep
+from clew.motion.velocity import VelocityNoise, velocity_motion
+from clew.motion.wheels import WheelEncoders
 
-__all__ = ["Odometry", "OdometryBuffer", "OdometryNoise"]
+__all__ = [
+    "Ackermann",
+    "MotionStep",
+    "Odometry",
+    "OdometryBuffer",
+    "OdometryNoise",
+    "Pieces",
+    "Preintegrated",
+    "VelocityNoise",
+    "WheelEncoders",
+    "cut",
+    "preintegrate",
+    "velocity_motion",
+]

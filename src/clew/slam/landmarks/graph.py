@@ -1,0 +1,75 @@
+"""The factor graph of robots that see landmarks and each other."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from clew.factors import Prior
+from clew.geometry import SE2, Point2
+from clew.graph import Factor, FactorGraph
+from clew.slam.landmarks.model import PRIOR, SensorModel
+from clew.slam.landmarks.track import RobotTrack, keys_of
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
+
+
+@dataclass(frozen=True, eq=False)
+class RobotFactors:
+    """The factors of one robot, kept for the estimation of its noise.
+
+    Attributes:
+        motion: between its keyframes.
+        sources: ``(6, S, 3, 3)`` covariance of each motion by source.
+        sightings: range and bearing of landmarks.
+        mates: range and bearing of other robots, or None.
+    """
+
+    motion: Factor
+    sources: Array
+    sightings: tuple[Factor, Factor]
+    mates: tuple[Factor, Factor] | None
+
+
+def build_graph(
+    tracks: Sequence[RobotTrack],
+    models: Sequence[SensorModel],
+    poses: Sequence[Array],
+    landmarks: Mapping[int, Array],
+    robust: bool = True,
+) -> tuple[FactorGraph, list[RobotFactors]]:
+    """Poses, landmarks and calibrations of all robots; the first pose of the first robot is held.
+
+    Args:
+        tracks: the robots.
+        models: what is believed of each.
+        poses: ``(N, 3)`` initial poses of each robot.
+        landmarks: initial position ``(2,)`` of each landmark that is seen.
+        robust: treat errors of sightings as heavy-tailed.
+    """
+    graph = FactorGraph()
+    for track, array in zip(tracks, poses, strict=True):
+        graph.add_pose(SE2.from_array(array), key=track.keys)
+    identities = np.unique(np.concatenate([track.log.landmarks.identity for track in tracks]))
+    graph.add_point(np.array([landmarks[int(i)] for i in identities]).reshape(-1, 2), key=identities)
+    kept = []
+    for track, model in zip(tracks, models, strict=True):
+        keys = track.calibration_keys
+        graph.add_point(model.calibration.points, key=keys)
+        graph.add(Prior(keys, Point2.from_array(np.zeros((6, 2))), sigmas=PRIOR.points))
+        motion, sources = track.motion_factor(model)
+        seen, mates = track.log.landmarks, track.log.robots
+        sightings = track.sighting_factors(seen, seen.identity, model.landmarks, robust)
+        of_robots = None
+        if len(mates):
+            target = keys_of(tracks, mates.identity, mates.timestamp)
+            of_robots = track.sighting_factors(mates, target, model.robots, robust, SE2)
+        for factor in (motion, *sightings, *(of_robots or ())):
+            graph.add(factor)
+        kept.append(RobotFactors(motion, sources, sightings, of_robots))
+    graph.set_constant(int(tracks[0].keys[0]))
+    return graph, kept

@@ -1,0 +1,105 @@
+"""What is to be found out about a robot's odometry and camera: calibration and noise."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass, field, fields
+
+import numpy as np
+from numpy.typing import NDArray
+
+from clew.motion import VelocityNoise
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Calibration:
+    """Deviations of a robot's odometry and camera from what they claim, all of them zero at first.
+
+    The whole map can be scaled together with speeds and ranges, so one of the two has to be believed: the ranges, on
+    the average over all bearings that occur. `range_scale` therefore stays zero; see `SCALE_UNCERTAINTY`.
+
+    Attributes:
+        speed_scale, turn_scale: share by which the robot is faster, and turns faster, than the odometry says.
+        turn_bias: radians a second that it turns while it drives straight on.
+        delay: seconds by which the motion lags behind the odometry's time stamps.
+        range_scale: share by which ranges are too long, on average.
+        range_offset: metres by which they are.
+        range_slope, range_curve: how that share changes with the bearing and its square, 1/radian, 1/radian^2.
+        bearing_offset: radians by which bearings are too large: the camera's mounting.
+        bearing_slope, bearing_curve: how that changes with the bearing and its square.
+        forward: metres that the camera is ahead of the robot's centre of motion.
+    """
+
+    speed_scale: float = 0.0
+    turn_scale: float = 0.0
+    turn_bias: float = 0.0
+    delay: float = 0.0
+    range_scale: float = 0.0
+    range_offset: float = 0.0
+    range_slope: float = 0.0
+    range_curve: float = 0.0
+    bearing_offset: float = 0.0
+    bearing_slope: float = 0.0
+    bearing_curve: float = 0.0
+    forward: float = 0.0
+
+    @property
+    def points(self) -> Array:
+        """``(6, 2)`` the values as they are in the graph, two a variable."""
+        return np.array(list(asdict(self).values())).reshape(6, 2)
+
+    @classmethod
+    def from_points(cls, points: Array) -> Calibration:
+        """From ``(6, 2)`` values."""
+        return cls(*points.reshape(-1).tolist())
+
+
+#: Standard deviation of the scale of the ranges. Nothing in the data tells it; covariances of results include it.
+SCALE_UNCERTAINTY = 0.01
+
+#: Deviations that are to be expected, in the order of the fields; wide but for the scale of the ranges.
+PRIOR = Calibration(0.2, 0.2, 0.02, 0.2, 1e-5, 0.05, 0.3, 0.5, 0.1, 0.1, 0.1, 0.05)
+
+
+@dataclass(frozen=True)
+class SightingNoise:
+    """Scale of the errors of sightings, which follow Student's t distribution.
+
+    Attributes:
+        range: metres.
+        bearing: radians.
+    """
+
+    range: float = 0.2
+    bearing: float = 0.03
+
+
+@dataclass(frozen=True)
+class SensorModel:
+    """A robot's calibration and noise.
+
+    Attributes:
+        calibration: see `Calibration`.
+        motion: random walk of the odometry.
+        landmarks: noise of sightings of landmarks.
+        robots: noise of sightings of other robots.
+    """
+
+    calibration: Calibration = Calibration()
+    motion: VelocityNoise = VelocityNoise(0.1, 0.05, 0.1, 0.2, 0.003, 0.003)
+    landmarks: SightingNoise = SightingNoise()
+    robots: SightingNoise = field(default_factory=SightingNoise)
+
+    def to_dict(self) -> dict[str, dict[str, float]]:
+        """Plain numbers."""
+        return asdict(self)
+
+    def change(self, other: SensorModel) -> float:
+        """Largest change of a noise parameter from this model to another, as a share."""
+        pairs = [
+            (getattr(mine, f.name), getattr(its, f.name))
+            for mine, its in ((self.motion, other.motion), (self.landmarks, other.landmarks))
+            for f in fields(mine)
+        ]
+        return max(abs(b - a) / max(a, b, 1e-4) for a, b in pairs)

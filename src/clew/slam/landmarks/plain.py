@@ -1,0 +1,85 @@
+"""The graph with its calibration applied: nothing but poses, landmarks and factors that all know."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from clew.factors import Between, PointObservation
+from clew.geometry import SE2, Point2
+from clew.graph import Factor, FactorGraph
+from clew.io import Sightings
+from clew.slam.landmarks.model import SensorModel, SightingNoise
+from clew.slam.landmarks.track import TAIL, RobotTrack, keys_of
+from clew.solve import Solution
+
+Array = NDArray[np.float64]
+
+
+def plain_graph(tracks: Sequence[RobotTrack], models: Sequence[SensorModel], solution: Solution) -> FactorGraph:
+    """Odometry as `Between`, sightings as `PointObservation`, at the values of the solution.
+
+    Sightings of robots are relative poses without any information about the heading. Robust weights are in the
+    covariances, for files have no kernels: outliers at the solution have little weight.
+    """
+    graph = FactorGraph()
+    identities = np.unique(np.concatenate([track.log.landmarks.identity for track in tracks]))
+    for track in tracks:
+        graph.add_pose(SE2.from_array(_values(solution, SE2, track.keys)), key=track.keys)
+    graph.add_point(_values(solution, Point2, identities), key=identities)
+    for track, model in zip(tracks, models, strict=True):
+        motion, _ = track.motion_factor(model)
+        graph.add(Between(track.keys[:-1], track.keys[1:], motion.measurement[:, :3], information=motion.information))
+        seen, mates = track.log.landmarks, track.log.robots
+        keys = track.keys[track.rows(seen)]
+        weights = _weights(solution, track.sighting_factors(seen, seen.identity, model.landmarks, True))
+        points, information = _points(track, model, seen, model.landmarks, weights)
+        graph.add(PointObservation(keys, seen.identity, points, information=information))
+        if len(mates):
+            target = keys_of(tracks, mates.identity, mates.timestamp)
+            weights = _weights(solution, track.sighting_factors(mates, target, model.robots, True, SE2))
+            points, information = _points(track, model, mates, model.robots, weights)
+            padded = np.zeros((len(mates), 3, 3))
+            padded[:, :2, :2] = information
+            flat = np.column_stack([points, np.zeros(len(points))])
+            graph.add(
+                Between(track.keys[track.rows(mates)], target, flat, information=padded, role="observation")
+            )
+    graph.set_constant(int(tracks[0].keys[0]))
+    return graph
+
+
+def _values(solution: Solution, kind: type, keys: NDArray[np.int64]) -> Array:
+    order = np.argsort(solution.keys(kind))
+    rows = order[np.searchsorted(solution.keys(kind), keys, sorter=order)]
+    values: Array = solution.values(kind).array[rows]
+    return values
+
+
+def _weights(solution: Solution, pair: tuple[Factor, Factor]) -> Array:
+    """Robust weight ``(K, 2)`` of each range and bearing at the solution, t distribution included."""
+    out = []
+    for factor in pair:
+        values = [_values(solution, kind, factor.keys[:, p]) for p, kind in enumerate(factor.kinds)]
+        error = factor.residual(*values, measurement=factor.measurement)[:, 0]
+        assert factor.kernel is not None
+        out.append(factor.kernel.weight(error**2 * factor.information[:, 0, 0]) * (TAIL + 1.0) / TAIL)
+    return np.stack(out, axis=1)
+
+
+def _points(
+    track: RobotTrack, model: SensorModel, seen: Sightings, noise: SightingNoise, weights: Array
+) -> tuple[Array, Array]:
+    """Positions ``(K, 2)`` in the robot's frame, and their information."""
+    distance, bearing = track.corrected(seen, model.calibration)
+    ray = np.stack([np.cos(bearing), np.sin(bearing)], axis=1)
+    across = np.stack([-ray[:, 1], ray[:, 0]], axis=1)
+    along_weight = weights[:, 0] / noise.range**2
+    across_weight = weights[:, 1] / (noise.bearing * distance) ** 2
+    information = (
+        along_weight[:, None, None] * ray[:, :, None] * ray[:, None, :]
+        + across_weight[:, None, None] * across[:, :, None] * across[:, None, :]
+    )
+    return track.points(seen, model.calibration), information

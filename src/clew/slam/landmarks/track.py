@@ -1,0 +1,197 @@
+"""One robot's log, prepared for the graph: keyframes, keys and factors."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from clew.errors import InputError
+from clew.factors import CalibratedBearing, CalibratedRange, PreintegratedMotion
+from clew.geometry import SE2, Point2, se2, wrap
+from clew.graph import Factor
+from clew.io import SightingLog, Sightings
+from clew.motion import Preintegrated, cut, preintegrate, velocity_motion
+from clew.noise import Cauchy
+from clew.slam.landmarks.model import Calibration, SensorModel, SightingNoise
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
+
+#: Robot ``n`` has the pose keys ``n * KEYS_A_ROBOT + i``; landmarks have their identity as key.
+KEYS_A_ROBOT = 1_000_000
+_CALIBRATION_KEYS = 900_000
+_LONGEST_STRETCH = 0.5  # seconds between keyframes
+#: Degrees of freedom of Student's t distribution: heavy tails, but with a variance.
+TAIL = 4.0
+
+
+@dataclass(frozen=True, eq=False)
+class RobotTrack:
+    """A robot's log on its keyframes.
+
+    Attributes:
+        log: what the robot recorded.
+        timestamps: ``(N,)`` of the keyframes, seconds.
+        mean_bearing, mean_square: averages over the sightings, each weighed with its range; `Calibration` counts
+            from them.
+    """
+
+    log: SightingLog
+    timestamps: Array
+    mean_bearing: float
+    mean_square: float
+
+    @property
+    def keys(self) -> Indices:
+        """``(N,)`` keys of the keyframes' poses."""
+        return self.log.robot * KEYS_A_ROBOT + np.arange(len(self.timestamps))
+
+    @property
+    def calibration_keys(self) -> list[int]:
+        """Keys of the six points of parameters of `Calibration.points`."""
+        return [self.log.robot * KEYS_A_ROBOT + _CALIBRATION_KEYS + k for k in range(6)]
+
+    def until(self, timestamp: float) -> RobotTrack:
+        """The part up to a time."""
+        seen = self.log.landmarks
+        log = SightingLog(
+            self.log.path, self.log.robot, self.log.odometry, seen.take(seen.timestamp <= timestamp),
+            self.log.robots.take(self.log.robots.timestamp <= timestamp), self.log.truth, self.log.report,
+        )  # fmt: skip
+        return RobotTrack(log, self.timestamps[self.timestamps <= timestamp], self.mean_bearing, self.mean_square)
+
+    def rows(self, seen: Sightings) -> Indices:
+        """Keyframe ``(K,)`` of each sighting."""
+        return np.searchsorted(self.timestamps, seen.timestamp)
+
+    def basis(self, seen: Sightings) -> tuple[Array, Array]:
+        """``f_1`` and ``f_2`` ``(K,)`` of `clew.factors.CalibratedRange`."""
+        return seen.bearing - self.mean_bearing, seen.bearing**2 - self.mean_square
+
+    def corrected(self, seen: Sightings, calibration: Calibration) -> tuple[Array, Array]:
+        """Range and bearing ``(K,)`` from the camera that a perfect one would have measured."""
+        c, (f1, f2) = calibration, self.basis(seen)
+        stretch = 1.0 + c.range_scale + c.range_slope * f1 + c.range_curve * f2
+        bearing = seen.bearing - c.bearing_offset - c.bearing_slope * f1 - c.bearing_curve * f2
+        return (seen.range - c.range_offset) / stretch, wrap(bearing)
+
+    def points(self, seen: Sightings, calibration: Calibration) -> Array:
+        """What was seen ``(K, 2)``, in the frame of the robot at the time."""
+        distance, bearing = self.corrected(seen, calibration)
+        return np.stack([distance * np.cos(bearing) + calibration.forward, distance * np.sin(bearing)], axis=1)
+
+    def motion(self, model: SensorModel) -> tuple[Preintegrated, Array, Array]:
+        """Motions between keyframes, derivative ``(S, 3, 4)`` by the first four parameters, and covariance by source.
+
+        The covariances ``(6, S, 3, 3)`` are in the order of the fields of `VelocityNoise`.
+        """
+        c = model.calibration
+        pieces = cut(self.log.odometry.timestamp + c.delay, self.timestamps)
+        known = pieces.reading >= 0
+        speed = np.where(known, self.log.odometry.speed[pieces.reading], 0.0)
+        turn_rate = np.where(known, self.log.odometry.turn_rate[pieces.reading], 0.0)
+        moving = ((speed != 0.0) | (turn_rate != 0.0)).astype(np.float64)
+        v, w = (1.0 + c.speed_scale) * speed, (1.0 + c.turn_scale) * turn_rate + c.turn_bias * moving
+        steps = velocity_motion(pieces.duration, v, w, model.motion)
+        whole = preintegrate(steps.increment, pieces.first)
+        by_control = steps.by_control
+        inner = np.stack(
+            [by_control[:, :, 0] * speed[:, None], by_control[:, :, 1] * turn_rate[:, None],
+             by_control[:, :, 1] * moving[:, None]], axis=2,
+        )  # fmt: skip
+        # A later delay cuts off motion at the end of a stretch and adds some at its begin.
+        twist = np.stack([v, np.zeros_like(v), w], axis=1)
+        last = np.append(pieces.first[1:], len(v)) - 1
+        back = se2.adjoint(se2.inverse(whole.motion))
+        by_delay = (back @ twist[pieces.first][:, :, None])[:, :, 0] - twist[last]
+        by_parameter = np.concatenate([whole.jacobian(inner), by_delay[:, :, None]], axis=2)
+        sources = model.motion.components(pieces.duration, v, w)
+        return whole, by_parameter, np.stack([whole.covariance(source) for source in sources])
+
+    def motion_factor(self, model: SensorModel) -> tuple[PreintegratedMotion, Array]:
+        """The factor of all motions, and the covariance by source as in `motion`."""
+        whole, by_parameter, sources = self.motion(model)
+        keys = self.keys
+        covariance = sources.sum(axis=0) + 1e-10 * np.eye(3)  # a robot that stands still has moved by a hair
+        first, second, *_ = self.calibration_keys
+        factor = PreintegratedMotion(
+            keys[:-1], keys[1:], (first, second), whole.motion, by_parameter,
+            model.calibration.points[:2].reshape(-1), covariance=covariance,
+        )  # fmt: skip
+        return factor, sources
+
+    def sighting_factors(
+        self, seen: Sightings, target: Indices, noise: SightingNoise, robust: bool, sees: type = Point2
+    ) -> tuple[Factor, Factor]:
+        """Factors of ranges and of bearings to targets with the given ``(K,)`` keys."""
+        keys, parameters = self.keys[self.rows(seen)], self.calibration_keys
+        f1, f2 = self.basis(seen)
+        # Student's t distribution as a robust kernel: -2 log p = (n + 1) log(1 + e^2 / (n sigma^2)) + const.
+        kernel = Cauchy(float(np.sqrt(TAIL + 1.0))) if robust else None
+        shrink = float(np.sqrt(TAIL / (TAIL + 1.0))) if robust else 1.0
+        return (
+            CalibratedRange(keys, target, (parameters[2], parameters[3], parameters[5]), seen.range, f1, f2,
+                            sees=sees, sigmas=shrink * noise.range, kernel=kernel),
+            CalibratedBearing(keys, target, (parameters[4], parameters[5]), seen.bearing, f1, f2,
+                              sees=sees, sigmas=shrink * noise.bearing, kernel=kernel),
+        )  # fmt: skip
+
+
+def make_tracks(logs: Sequence[SightingLog]) -> tuple[RobotTrack, ...]:
+    """Keyframes where something was seen, and in between such that no stretch is longer than half a second.
+
+    A robot that is seen by another of the logs gets a keyframe then, too; sightings of robots that are not among
+    the logs, or that have no odometry at that time, are left out.
+
+    Raises:
+        InputError: two logs of one robot, a robot's number or a landmark's that has no key, or fewer than two
+            moments with sightings.
+    """
+    numbers = [log.robot for log in logs]
+    if len(set(numbers)) < len(numbers):
+        raise InputError(f"robots {numbers}: each may occur once")
+    highest = max([*numbers, *(int(log.landmarks.identity.max(initial=0)) for log in logs)])
+    if highest >= KEYS_A_ROBOT or min(numbers) < 1:
+        raise InputError(f"numbers of robots and landmarks must be from 1 to {KEYS_A_ROBOT - 1}, got {highest}")
+    ends = {log.robot: log.odometry.timestamp[[0, -1]] for log in logs}
+    mates = {log.robot: _usable(log.robots, ends) for log in logs}
+    return tuple(_make_track(log, mates) for log in logs)
+
+
+def _usable(seen: Sightings, ends: Mapping[int, Array]) -> Sightings:
+    good = np.zeros(len(seen), bool)
+    for robot, (begin, end) in ends.items():
+        good |= (seen.identity == robot) & (seen.timestamp >= begin) & (seen.timestamp <= end)
+    return seen.take(good)
+
+
+def _make_track(log: SightingLog, mates: Mapping[int, Sightings]) -> RobotTrack:
+    own, seen = mates[log.robot], log.landmarks
+    log = SightingLog(log.path, log.robot, log.odometry, seen, own, log.truth, log.report)
+    by_others = [other.timestamp[other.identity == log.robot] for other in mates.values()]
+    stamps = np.unique(np.concatenate([seen.timestamp, own.timestamp, *by_others]))
+    if len(stamps) < 2:
+        raise InputError(f"{log.path}: robot {log.robot} saw something at {len(stamps)} moments only; there is no map in that")
+    parts = np.maximum(np.ceil(np.diff(stamps) / _LONGEST_STRETCH), 1).astype(np.int64)
+    start = np.repeat(np.arange(len(parts)), parts)
+    share = (np.arange(len(start)) - np.repeat(np.cumsum(parts) - parts, parts)) / parts[start]
+    frames = np.append(stamps[start] + share * np.diff(stamps)[start], stamps[-1])
+    # times of sightings must be found again exactly
+    frames[np.append(np.cumsum(parts) - parts, len(start))] = stamps
+    weight = seen.range / seen.range.sum()
+    return RobotTrack(log, np.unique(frames), float(weight @ seen.bearing), float(weight @ seen.bearing**2))
+
+
+def keys_of(tracks: Sequence[RobotTrack], robot: Indices, timestamps: Array) -> Indices:
+    """Keys ``(K,)`` of the poses of given robots at given times of their keyframes."""
+    keys = np.full(len(robot), -1, np.int64)
+    for track in tracks:
+        mine = robot == track.log.robot
+        keys[mine] = track.keys[np.searchsorted(track.timestamps, timestamps[mine])]
+    return keys
+
+
+__all__ = ["KEYS_A_ROBOT", "SE2", "TAIL", "RobotTrack", "keys_of", "make_tracks"]
