@@ -134,6 +134,17 @@ def test_a_nearer_tag_is_known_better(cv2: Any) -> None:
     assert 20 * near.range_bearing()[2][0, 0, 0] < far.range_bearing()[2][0, 0, 0]
 
 
+def test_a_far_tag_seen_head_on_is_ambiguous(cv2: Any) -> None:
+    rng = np.random.default_rng(3)
+    clear, doubtful = (
+        np.array([find_tags(render(cv2, facing(0, 0, z, (0.0, tilt, 0)), 5, "DICT_APRILTAG_36h11", rng), CAMERA,
+                            SIZE).ambiguity[0] for _ in range(5)])
+        for z, tilt in ((1.0, 0.8), (3.0, 0.15))
+    )  # fmt: skip
+    assert clear.max() < 0.3
+    assert doubtful.max() > 0.5
+
+
 def test_bad_requests(cv2: Any) -> None:
     image = np.zeros((48, 64), dtype=np.uint8)
     with pytest.raises(InputError, match="tag family 'qr'"):
