@@ -157,10 +157,11 @@ def test_wrong_edges_are_left_out() -> None:
 
 
 def test_a_mistaken_encounter_does_not_bend_the_merge() -> None:
-    runs, (a, b) = fleet(3, identified=1.0, reach=4.0)
+    runs, (a, b) = fleet(3, identified=1.0, reach=8.0)
     met = a.encounters
     assert met is not None
     ranges = met.ranges.copy()
+    assert len(ranges) >= 4
     ranges[: len(ranges) // 4] += 8.0
     mistaken = Encounters(met.poses, met.others, met.other_poses, ranges, met.bearings, met.covariance)
     merged = merge([RobotGraph(a.name, a.solution, a.landmarks, mistaken), b])
