@@ -125,7 +125,7 @@ class RefinementOptions:
     overlap: float = 0.4
     rounds: int = 4
     movement: float = 0.002
-    information_scale: float = 0.01
+    information_scale: float = 0.1
 
 
 @dataclass(frozen=True)

@@ -128,7 +128,7 @@ class Slam:
         if len(self._keyframes) < 2:
             return
         self._pose_graph.optimise()
-        self._refined = refine(self._keyframes, self._pose_graph.poses, self.config, progress)
+        self._refined = refine(self._keyframes, self._pose_graph.graph, self.config, progress)
         self._pose_graph.set_poses(np.asarray(self._refined.values(SE2).array))
 
     # --- answers out ------------------------------------------------------------------------------------------------
