@@ -11,9 +11,11 @@ import typer
 from typer.testing import CliRunner
 
 from clew.cli.evaluate import evaluate
+from clew.cli.self_evaluation import in_plane, measure_pairs
 from clew.errors import InputError
 from clew.geometry import se2
-from clew.io import write_tum
+from clew.io import open_log, read_tum, write_tum
+from clew.scan import LaserScan, extract_points, index_cloud, join
 from clew.sim import Drive, LaserModel, OdometryModel, hall, simulate, write_carmen
 
 
@@ -124,3 +126,19 @@ def test_self_with_the_log_of_another_drive_is_refused(app: typer.Typer, laps: P
     write_tum(files / "late.tum", 1e6 + np.arange(5.0), np.zeros((5, 3)))
     with pytest.raises(InputError, match="the log that the trajectory was made from"):
         run(app, files / "late.tum", "--self", laps / "laps.log")
+
+
+def test_pairs_are_measured_alike_from_either_side(laps: Path) -> None:
+    scans = [m for m in open_log(laps / "laps.log").measurements() if isinstance(m, LaserScan)]
+    first = np.arange(0, 76, 4)
+    rows = np.concatenate([first, first + 81])  # not quite the same places, so that the two directions differ
+    clouds = join([index_cloud(extract_points(scans[row])) for row in rows])
+    poses = read_tum(laps / "true.tum")[1][rows]
+    pairs = np.stack([np.arange(19), 19 + np.arange(19)], axis=1).astype(np.int32)
+    T_there, known, gaps = measure_pairs(clouds, pairs, in_plane(poses))
+    T_back, known_back, gaps_back = measure_pairs(clouds, np.ascontiguousarray(pairs[:, ::-1]), in_plane(poses))
+    np.testing.assert_array_equal(known, known_back)
+    assert known.sum() > 3
+    assert gaps[known, 0].max() > 1e-3  # so that it matters which way the mean is taken
+    np.testing.assert_allclose(gaps[known, 1], gaps_back[known, 1], atol=1e-9)
+    np.testing.assert_allclose(se2.compose(T_there, T_back)[known], 0.0, atol=1e-6)
