@@ -42,7 +42,7 @@ class MergeOptions:
     minimum: int = 3
     confidence: float = 0.997
     slack: float = 0.05
-    log10_false_alarms: float = -6.0
+    log10_false_alarms: float = -8.0
     runner_up: float = 0.5
     common_share: float = 0.5
     minimum_sightings: int = 2
