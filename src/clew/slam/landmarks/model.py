@@ -64,15 +64,19 @@ PRIOR = Calibration(0.2, 0.2, 0.02, 0.2, 1e-5, 0.05, 0.3, 0.5, 0.1, 0.1, 0.1, 0.
 
 @dataclass(frozen=True)
 class SightingNoise:
-    """Scale of the errors of sightings, which follow Student's t distribution.
+    """Errors of sightings, which follow Student's t distribution.
 
     Attributes:
-        range: metres.
-        bearing: radians.
+        range: scale of the errors of ranges, metres.
+        bearing: scale of the errors of bearings, radians.
+        range_repeats, bearing_repeats: how many sightings in succession count as one, because what disturbs a
+            sighting disturbs the next one likewise.
     """
 
     range: float = 0.2
     bearing: float = 0.03
+    range_repeats: float = 1.0
+    bearing_repeats: float = 1.0
 
 
 @dataclass(frozen=True)
