@@ -51,6 +51,8 @@ def _options(
 
 def main() -> None:
     """Run the command; bad input ends with one line on standard error and exit code 2."""
+    # Our matrices are small or our own; NumPy's BLAS would start threads that spin and win nothing.
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     logging.basicConfig(format="clew: %(message)s", level=logging.WARNING)
     try:
         code = app(sys.argv[1:] or ["--help"], prog_name="clew", standalone_mode=False)
