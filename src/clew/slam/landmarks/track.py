@@ -52,8 +52,8 @@ class RobotTrack:
 
     @property
     def calibration_keys(self) -> list[int]:
-        """Keys of the six points of parameters of `Calibration.points`."""
-        return [self.log.robot * KEYS_A_ROBOT + _CALIBRATION_KEYS + k for k in range(6)]
+        """Keys of the five points of parameters of `Calibration.points`."""
+        return [self.log.robot * KEYS_A_ROBOT + _CALIBRATION_KEYS + k for k in range(5)]
 
     def until(self, timestamp: float) -> RobotTrack:
         """The part up to a time."""
@@ -75,9 +75,9 @@ class RobotTrack:
     def corrected(self, seen: Sightings, calibration: Calibration) -> tuple[Array, Array]:
         """Range and bearing ``(K,)`` from the camera that a perfect one would have measured."""
         c, (f1, f2) = calibration, self.basis(seen)
-        stretch = 1.0 + c.range_scale + c.range_slope * f1 + c.range_curve * f2
+        stretch = 1.0 + c.range_slope * f1 + c.range_curve * f2
         bearing = seen.bearing - c.bearing_offset - c.bearing_slope * f1 - c.bearing_curve * f2
-        return (seen.range - c.range_offset) / stretch, wrap(bearing)
+        return seen.range / stretch, wrap(bearing)
 
     def points(self, seen: Sightings, calibration: Calibration) -> Array:
         """What was seen ``(K, 2)``, in the frame of the robot at the time."""
@@ -135,8 +135,8 @@ class RobotTrack:
         keys, parameters = self.keys[self.rows(seen)], self.calibration_keys
         f1, f2 = self.basis(seen)
         parts = (
-            (CalibratedRange, (2, 3, 5), seen.range, noise.range, noise.range_repeats),
-            (CalibratedBearing, (4, 5), seen.bearing, noise.bearing, noise.bearing_repeats),
+            (CalibratedRange, (2, 4), seen.range, noise.range, noise.range_repeats),
+            (CalibratedBearing, (3, 4), seen.bearing, noise.bearing, noise.bearing_repeats),
         )
         ranges, bearings = (
             factor(keys, target, [parameters[k] for k in points], measured, f1, f2, sees=sees,
