@@ -209,9 +209,9 @@ class LoopCloser:
         self._expire()
         self._pending += 1
         options = self._config.closing
-        if best.innovation[0] < options.settled[0] and best.innovation[1] < options.settled[1]:
-            if self._pending < options.batch:
-                return False
+        settled = best.innovation[0] < options.settled[0] and best.innovation[1] < options.settled[1]
+        if settled and self._pending < options.batch:
+            return False
         self._pending = 0
         self._graph.optimise()
         self._withdraw()
