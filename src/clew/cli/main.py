@@ -12,6 +12,7 @@ import typer
 from clew._version import __version__
 from clew.cli.demo import demo
 from clew.cli.evaluate import evaluate
+from clew.cli.merge import merge
 from clew.cli.optimize import optimize
 from clew.cli.run import run
 from clew.errors import ClewError
@@ -32,6 +33,7 @@ app.command()(run)
 app.command()(demo)
 app.command()(optimize)
 app.command()(evaluate)
+app.command()(merge)
 
 
 def _version(wanted: bool) -> None:
@@ -51,6 +53,8 @@ def _options(
 
 def main() -> None:
     """Run the command; bad input ends with one line on standard error and exit code 2."""
+    # Our matrices are small or our own; NumPy's BLAS would start threads that spin and win nothing.
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     logging.basicConfig(format="clew: %(message)s", level=logging.WARNING)
     try:
         code = app(sys.argv[1:] or ["--help"], prog_name="clew", standalone_mode=False)
