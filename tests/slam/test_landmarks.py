@@ -138,7 +138,7 @@ def test_a_real_robot() -> None:
     if not folder.exists():
         pytest.skip(f"needs {folder}")
     log = read_mrclam(folder, 2)
-    early = log.landmarks.timestamp < log.landmarks.timestamp[0] + 150.0
+    early = log.landmarks.timestamp < log.landmarks.timestamp[0] + 300.0
     part = SightingLog(log.path, 2, log.odometry, log.landmarks.take(early), log.robots.take(np.zeros(0, np.int64)),
                        log.truth, log.report)  # fmt: skip
     (robot,) = map_landmarks([part]).robots
