@@ -1,6 +1,9 @@
 #include <array>
 #include <stdexcept>
+#include <utility>
+#include <vector>
 
+#include "mapping/looks.hpp"
 #include "mapping/raycast.hpp"
 #include "module.hpp"
 
@@ -12,6 +15,8 @@ using CellArray = nb::ndarray<std::uint16_t, nb::shape<-1, -1, 3>, nb::c_contig,
 using PoseArray = nb::ndarray<const double, nb::shape<-1, 3>, nb::c_contig, nb::device::cpu>;
 using PointArray = nb::ndarray<const double, nb::shape<-1, 2>, nb::c_contig, nb::device::cpu>;
 using IndexArray = nb::ndarray<const std::int64_t, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
+using ValueArray = nb::ndarray<const double, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
+using MomentArray = nb::ndarray<const std::int32_t, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
 using FlagArray = nb::ndarray<const bool, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
 
 // The values (finite poses and endpoints) are checked by the Python door; what could reach beyond an array is checked here.
@@ -27,6 +32,31 @@ mapping::Rays checked(const PoseArray& poses, const IndexArray& offsets, const P
         if (offsets(s) > offsets(s + 1)) throw std::invalid_argument("offsets must not decrease");
     }
     return {poses.data(), offsets.data(), endpoints.data(), hit.data(), poses.shape(0)};
+}
+
+template <typename T>
+nb::ndarray<nb::numpy, T, nb::ndim<1>> owned(std::vector<T>&& values) {
+    auto* kept = new std::vector<T>(std::move(values));
+    nb::capsule owner(kept, [](void* p) noexcept { delete static_cast<std::vector<T>*>(p); });
+    return {kept->data(), {kept->size()}, owner};
+}
+
+// Checked as above; ranges may be anything.
+mapping::Looks checked(const PoseArray& poses, const IndexArray& offsets, const ValueArray& first_angle,
+                       const ValueArray& increment, const ValueArray& range, const MomentArray& moment) {
+    const std::size_t scans = poses.shape(0);
+    if (first_angle.shape(0) != scans || increment.shape(0) != scans || moment.shape(0) != scans) {
+        throw std::invalid_argument("angles, increments and moments must be as many as poses");
+    }
+    if (offsets.shape(0) != scans + 1) throw std::invalid_argument("offsets must be one longer than poses");
+    if (offsets(0) != 0 || offsets(scans) != static_cast<std::int64_t>(range.shape(0))) {
+        throw std::invalid_argument("offsets must run from 0 to the number of beams");
+    }
+    for (std::size_t s = 0; s < scans; ++s) {
+        if (offsets(s) > offsets(s + 1)) throw std::invalid_argument("offsets must not decrease");
+        if (moment(s) < 0) throw std::invalid_argument("moments must not be negative");
+    }
+    return {poses.data(), offsets.data(), first_angle.data(), increment.data(), range.data(), moment.data(), scans};
 }
 
 }  // namespace
@@ -65,6 +95,28 @@ void bind_mapping(nb::module_ m) {
         },
         nb::arg("T_world_sensor").noconvert(), nb::arg("offsets").noconvert(), nb::arg("endpoints").noconvert(),
         nb::arg("hit").noconvert());
+    m.def(
+        "count_looks",
+        [](PoseArray poses, IndexArray offsets, ValueArray first_angle, ValueArray increment, ValueArray range,
+           MomentArray moment, double resolution, double reach, double free_range, double width, double margin) {
+            const mapping::Looks looks = checked(poses, offsets, first_angle, increment, range, moment);
+            if (!(resolution > 0.0) || !(reach >= 0.0 && reach / resolution < 1e8) || !(free_range >= 0.0) ||
+                !(width >= 0.0) || !(margin >= 0.0)) {
+                throw std::invalid_argument("resolution must be positive, lengths not negative, reach finite");
+            }
+            std::vector<double> clear(range.shape(0));
+            std::vector<std::int32_t> hits(range.shape(0)), misses(range.shape(0));
+            {
+                nb::gil_scoped_release release;
+                const mapping::LookOptions options{resolution, reach, free_range, width, margin};
+                mapping::clear_lengths(looks, options, clear.data());
+                mapping::count_looks(looks, options, clear.data(), hits.data(), misses.data());
+            }
+            return nb::make_tuple(owned(std::move(clear)), owned(std::move(hits)), owned(std::move(misses)));
+        },
+        nb::arg("T_world_sensor").noconvert(), nb::arg("offsets").noconvert(), nb::arg("first_angle").noconvert(),
+        nb::arg("increment").noconvert(), nb::arg("range").noconvert(), nb::arg("moment").noconvert(),
+        nb::arg("resolution"), nb::arg("reach"), nb::arg("free_range"), nb::arg("width"), nb::arg("margin"));
 }
 
 }  // namespace clew

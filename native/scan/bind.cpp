@@ -23,8 +23,16 @@ using Rows3 = nb::ndarray<const double, nb::shape<-1, 3>, nb::c_contig, nb::devi
 template <typename T>
 using Out = nb::ndarray<nb::numpy, T>;
 
+constexpr std::int32_t most_cells = 1 << 30;
+
 void require(bool condition, const char* message) {
     if (!condition) throw std::invalid_argument(message);
+}
+
+// A kernel turns coordinates into indices of cells, which what is not finite has none of.
+template <typename A>
+void require_finite(const A& array, const char* message) {
+    require(std::all_of(array.data(), array.data() + array.size(), [](double v) { return std::isfinite(v); }), message);
 }
 
 template <typename T>
@@ -38,6 +46,7 @@ nb::tuple surface_normals_(const Rows2& points, const Vector<std::int32_t>& beam
                            double gap_base, double gap_per_metre) {
     const std::size_t n = points.shape(0);
     require(beams.shape(0) == n, "surface_normals: points and beams differ in length");
+    require_finite(points, "surface_normals: points must be finite");
     require(window >= 1 && radius > 0, "surface_normals: window and radius must be positive");
     std::vector<double> normals(2 * n), along(n);
     std::vector<std::int32_t> support(n);
@@ -52,6 +61,8 @@ nb::tuple surface_normals_(const Rows2& points, const Vector<std::int32_t>& beam
 nb::tuple sort_into_buckets_(const Rows2& points, double origin_x, double origin_y, double cell, std::int32_t width,
                              std::int32_t height) {
     require(width > 0 && height > 0 && cell > 0, "sort_into_buckets: the grid is empty");
+    require(width <= most_cells / height, "sort_into_buckets: the grid is too large");
+    require_finite(points, "sort_into_buckets: points must be finite");
     const std::size_t n = points.shape(0), cells = static_cast<std::size_t>(width) * static_cast<std::size_t>(height);
     std::vector<std::int32_t> starts(cells + 1), order(n);
     {
@@ -64,6 +75,7 @@ nb::tuple sort_into_buckets_(const Rows2& points, double origin_x, double origin
 nb::tuple group_surfels_(const Rows2& points, const Rows2& normals, double voxel) {
     const std::size_t n = points.shape(0);
     require(normals.shape(0) == n, "group_surfels: points and normals differ in length");
+    require_finite(points, "group_surfels: points must be finite");
     require(voxel > 0, "group_surfels: voxel must be positive");
     std::vector<std::int32_t> group(n);
     std::size_t count = 0;
@@ -78,6 +90,8 @@ Out<std::uint8_t> build_pyramid_(const Rows2& points, double sigma, std::int32_t
                                  std::int32_t width, double origin_x, double origin_y, double resolution) {
     require(levels >= 1 && levels <= 12 && height > 0 && width > 0, "build_pyramid: the grid is empty");
     require(sigma > 0 && resolution > 0, "build_pyramid: sigma and resolution must be positive");
+    require(width <= most_cells / height, "build_pyramid: the grid is too large");
+    require_finite(points, "build_pyramid: points must be finite");
     const auto l = static_cast<std::size_t>(levels), h = static_cast<std::size_t>(height), w = static_cast<std::size_t>(width);
     std::vector<std::uint8_t> cells(l * h * w);
     {
@@ -99,6 +113,8 @@ nb::tuple correlate_(const nb::ndarray<const std::uint8_t, nb::ndim<3>, nb::c_co
                      const Vector<double>& centre, const Vector<double>& half, double step_theta,
                      const Vector<double>& prior_sigmas, double prior_weight, double minimum_score,
                      const Vector<double>& excluded, double exclude_distance, double exclude_angle) {
+    require(cells.size() > 0 && cells.shape(0) <= 12, "correlate: the pyramid is empty");
+    require_finite(points, "correlate: points must be finite");
     require(resolution > 0 && step_theta > 0, "correlate: resolution and step_theta must be positive");
     const Pose middle = pose_of(centre, "correlate: centre must be (3,)"), window = pose_of(half, "correlate: half must be (3,)");
     const Pose prior = pose_of(prior_sigmas, "correlate: prior_sigmas must be (3,)");
@@ -108,12 +124,12 @@ nb::tuple correlate_(const nb::ndarray<const std::uint8_t, nb::ndim<3>, nb::c_co
     require(window.x / resolution < 1e5 && window.y / resolution < 1e5 && window.theta / step_theta < 1e5,
             "correlate: the window is too large");
     require(prior.x > 0 && prior.y > 0 && prior.theta > 0, "correlate: prior_sigmas must be positive");
-    const bool exclude = excluded.shape(0) == 3;
+    const bool exclude = excluded.shape(0) > 0;
     const PyramidView pyramid{cells.data(), static_cast<std::int32_t>(cells.shape(0)), static_cast<std::int32_t>(cells.shape(1)),
                               static_cast<std::int32_t>(cells.shape(2)), origin_x, origin_y, resolution};
     const SearchOptions options{middle, window.x, window.y, window.theta, step_theta, prior.x, prior.y, prior.theta,
                                 prior_weight, minimum_score, exclude,
-                                exclude ? pose_of(excluded, "") : Pose{0, 0, 0}, exclude_distance, exclude_angle};
+                                exclude ? pose_of(excluded, "correlate: excluded must be (3,) or empty") : Pose{0, 0, 0}, exclude_distance, exclude_angle};
     SearchResult result;
     {
         nb::gil_scoped_release release;
@@ -121,6 +137,19 @@ nb::tuple correlate_(const nb::ndarray<const std::uint8_t, nb::ndim<3>, nb::c_co
     }
     return nb::make_tuple(result.found, own(std::vector<double>{result.pose.x, result.pose.y, result.pose.theta}, {3}),
                           result.score, result.likelihood, result.evaluated);
+}
+
+// The buckets of one cloud hold indices of its own points only.
+void require_index(const std::int64_t* points, const std::int64_t* starts_of, const std::int32_t* shape, double cell,
+                   const std::int32_t* starts, const std::int32_t* order) {
+    const std::int64_t n = points[1] - points[0];
+    require(n >= 0 && cell > 0 && shape[0] > 0 && shape[1] > 0 &&
+                starts_of[1] - starts_of[0] == static_cast<std::int64_t>(shape[0]) * shape[1] + 1,
+            "align: the buckets do not fit their cloud");
+    const std::int32_t *first = starts + starts_of[0], *last = starts + starts_of[1];
+    require(*first == 0 && last[-1] == n && std::is_sorted(first, last), "align: the buckets do not fit their cloud");
+    require(std::all_of(order + points[0], order + points[1], [n](std::int32_t i) { return i >= 0 && i < n; }),
+            "align: a bucket holds a point that does not exist");
 }
 
 // Clouds of points one after the other, with offsets (C + 1,); the indices of the targets likewise.
@@ -152,9 +181,19 @@ nb::tuple align_(const Rows2& target_points, const Rows2& target_normals, const 
     require(radius_start >= radius_end && radius_end > 0 && sigma > 0 && robust > 0 && iterations > 0,
             "align: radii, sigma, robust and iterations must be positive");
     require(target_offsets.data()[clouds] == static_cast<std::int64_t>(targets_n) && target_offsets.data()[0] == 0 &&
+                starts_offsets.data()[0] == 0 && std::is_sorted(target_offsets.data(), target_offsets.data() + clouds + 1) &&
+                std::is_sorted(starts_offsets.data(), starts_offsets.data() + clouds + 1) &&
                 offsets.data()[sources] == static_cast<std::int64_t>(points.shape(0)) && offsets.data()[0] == 0 &&
                 starts_offsets.data()[clouds] == static_cast<std::int64_t>(starts.shape(0)),
             "align: offsets do not fit the arrays");
+    require(std::is_sorted(offsets.data(), offsets.data() + offsets.shape(0)), "align: offsets must rise");
+    for (const auto* array : {&target_points, &points, &origins}) require_finite(*array, "align: points must be finite");
+    for (const auto* array : {&T_start, &T_prior}) require_finite(*array, "align: poses must be finite");
+    require_finite(prior_information, "align: the information of the prior must be finite");
+    require(std::isfinite(radius_start), "align: radius_start must be finite");
+    for (std::int64_t c = 0; c < clouds; ++c)
+        require_index(target_offsets.data() + c, starts_offsets.data() + c, shapes.data() + 2 * c, cells.data()[c],
+                      starts.data(), order.data());
     for (std::size_t k = 0; k < m; ++k)
         require(pairs.data()[2 * k] >= 0 && pairs.data()[2 * k] < clouds && pairs.data()[2 * k + 1] >= 0 &&
                     pairs.data()[2 * k + 1] < sources, "align: a pair names a cloud that does not exist");

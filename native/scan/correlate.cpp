@@ -25,8 +25,8 @@ public:
             for (std::size_t i = 0; i < n; ++i) {
                 const double x = c * points[2 * i] - s * points[2 * i + 1] + options.centre.x;
                 const double y = s * points[2 * i] + c * points[2 * i + 1] + options.centre.y;
-                xs[i] = static_cast<std::int32_t>(std::floor((x - pyramid.origin_x) / r));
-                ys[i] = static_cast<std::int32_t>(std::floor((y - pyramid.origin_y) / r));
+                xs[i] = cell_of((x - pyramid.origin_x) / r);
+                ys[i] = cell_of((y - pyramid.origin_y) / r);
             }
         }
     }
@@ -53,6 +53,9 @@ private:
     std::int32_t* angle_cells(std::int32_t k) {
         return cells_.data() + static_cast<std::size_t>(k + steps_theta_) * n_ * 2;
     }
+
+    // A point far outside stays outside at any offset of the window, and its cell a number that can be held.
+    static std::int32_t cell_of(double v) { return static_cast<std::int32_t>(std::clamp(std::floor(v), -1e9, 1e9)); }
 
     static double interval_distance(std::int32_t low, std::int32_t size) {
         if (low > 0) return low;

@@ -14,7 +14,7 @@ from typer.testing import CliRunner
 import clew
 from clew.cli.optimize import optimize, parse_kernel
 from clew.errors import InputError
-from clew.io import read_graph
+from clew.io import read_graph, read_tum
 
 SQUARE = """VERTEX_SE2 0 0 0 0
 VERTEX_SE2 1 1.1 0 1.5
@@ -97,3 +97,33 @@ def test_a_file_without_values_cannot_start_from_them(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="--init auto"):
         run(path, "--init", "file")
     assert json.loads(run(path, "--json", "--robust", "cauchy:3"))["chi2"] == pytest.approx(0.04, rel=1e-2)
+
+
+def test_the_ending_chooses_the_format(square: Path, tmp_path: Path) -> None:
+    solution = clew.optimize(read_graph(square).graph)
+    for ending in ("g2o", "g2o.gz", "graph"):
+        run(square, "-o", tmp_path / f"out.{ending}")
+        written = read_graph(tmp_path / f"out.{ending}").graph
+        np.testing.assert_allclose(written.values(clew.SE2).array, solution.values().array, atol=1e-9)
+        assert clew.optimize(written, init="file", max_iterations=0).chi2 == pytest.approx(solution.chi2)
+    assert "EDGE2" in (tmp_path / "out.graph").read_text()
+    run(square, "-o", tmp_path / "out.tum")
+    stamps, poses = read_tum(tmp_path / "out.tum")
+    assert stamps.tolist() == [0, 1, 2, 3]
+    np.testing.assert_allclose(poses[:, :2], solution.values().array[:, :2], atol=1e-8)
+    for ending in ("kitti", "txt"):
+        run(square, "-o", tmp_path / f"out.{ending}")
+        rows = np.loadtxt(tmp_path / f"out.{ending}")
+        np.testing.assert_allclose(rows[:, [3, 7]], solution.values().array[:, :2], atol=1e-8)
+        np.testing.assert_allclose(np.arctan2(rows[:, 4], rows[:, 0]), solution.values().array[:, 2], atol=1e-8)
+    for ending in ("xyz", "tum.gz"):
+        with pytest.raises(InputError, match=r"choose \.g2o, \.graph"):
+            run(square, "-o", tmp_path / f"out.{ending}")
+
+
+def test_indefinite_information_is_reported_with_its_line(tmp_path: Path) -> None:
+    path = tmp_path / "indefinite.g2o"
+    information = "1 0 0 0 0 9 1 0 0 0 0 1 0 0 0 1 0 0 1 0 1"
+    path.write_text(f"EDGE_SE3:QUAT 0 1 1 0 0 0 0 0 1 {information}\n")
+    assert "1 edges have an indefinite information matrix (first in line 1)" in run(path)
+    assert "first in line 1" in json.loads(run(path, "--json"))["notes"][0]

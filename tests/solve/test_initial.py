@@ -88,3 +88,43 @@ def test_spanning_forest_by_hand() -> None:
     assert seeded[0].tolist() == [3, 2, 1, 0]
     with pytest.raises(ValueError, match="does not exist"):
         _native.solve.spanning_forest(3, i, j, none)
+
+
+def lap_world(laps: int) -> tuple[clew.FactorGraph, float]:
+    """Laps around a field with two rows of trees, the gyroscope drifting; and the cost of the truth."""
+    generator = np.random.default_rng(3)
+    count = 400 * laps
+    truth = clew.SE2.identity()
+    step = clew.SE2(1.0, 0.0, 2 * np.pi / 400)
+    path = [truth]
+    for _ in range(count - 1):
+        path.append(path[-1].compose(step))
+    truth = clew.SE2.from_array(np.stack([pose.array for pose in path]))
+    trees = np.array([0.0, 64.0]) + generator.uniform(-90, 90, (40, 2))
+    drift = np.array([0.0, 0.0, 0.012])  # the odometry's noise is all of one sign
+    odometry = truth[:-1].between(truth[1:]).retract(np.broadcast_to(drift, (count - 1, 3)))
+    seer = np.arange(0, count, 10)
+    distance = np.linalg.norm(truth.array[seer, None, :2] - trees, axis=2)
+    pose, tree = np.nonzero(distance < 25)
+    seen = truth[seer[pose]].inverse().act(trees[tree]) + 0.02 * generator.standard_normal((len(pose), 2))
+    graph = clew.FactorGraph()
+    keys = graph.add_pose(clew.SE2.identity((count,)))
+    landmarks = graph.add_point(np.zeros((40, 2)))
+    graph.add(clew.Between(keys[:-1], keys[1:], odometry, sigmas=(0.02, 0.02, 0.015)))
+    graph.add(clew.PointObservation(keys[seer[pose]], landmarks[tree], seen, sigmas=0.05))
+    known = graph.copy()
+    known.set_values(keys, truth)
+    known.set_values(landmarks, trees)
+    return graph, clew.optimize(known, init="file").chi2
+
+
+def test_a_graph_that_grows_finds_the_minimum_that_bent_odometry_misses() -> None:
+    graph, best = lap_world(2)
+    assert clew.optimize(graph, init="tree").chi2 > 2 * best
+    for init in ("sequential", "auto"):
+        solution = clew.optimize(graph, init=init)
+        assert solution.status is Status.CONVERGED
+        assert solution.init == "sequential"
+        assert solution.chi2 == pytest.approx(best, rel=1e-6)
+    guess = clew.optimize(graph, init="sequential", max_iterations=0)
+    assert guess.chi2_initial < 1.1 * best

@@ -36,6 +36,17 @@ def test_default_options_reach_the_optimum(name: str) -> None:
     assert len(solution.free_parts) == 1
 
 
+def test_victoria_park_needs_no_settings() -> None:
+    """Odometry alone bends this path so far that every other guess ends above 11,000."""
+    path = DATA / "landmarks/victoriaPark-full.g2o.gz"
+    if not path.exists():
+        pytest.skip(f"needs {path}")
+    solution = clew.optimize(read_graph(path).graph)
+    assert solution.status.ok
+    assert solution.init == "sequential"
+    assert solution.chi2 == pytest.approx(389.787423, rel=2e-6)
+
+
 @pytest.mark.parametrize("method", ["gauss-newton", "dogleg"])
 def test_all_methods_and_guesses_agree_on_intel(method: str) -> None:
     path = DATA / "graphs2d/intel.g2o"

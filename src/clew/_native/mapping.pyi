@@ -19,3 +19,16 @@ def ray_bounds(
     endpoints: NDArray[np.float64],
     hit: NDArray[np.bool_],
 ) -> tuple[float, float, float, float]: ...
+def count_looks(
+    T_world_sensor: NDArray[np.float64],
+    offsets: NDArray[np.int64],
+    first_angle: NDArray[np.float64],
+    increment: NDArray[np.float64],
+    range: NDArray[np.float64],
+    moment: NDArray[np.int32],
+    resolution: float,
+    reach: float,
+    free_range: float,
+    width: float,
+    margin: float,
+) -> tuple[NDArray[np.float64], NDArray[np.int32], NDArray[np.int32]]: ...

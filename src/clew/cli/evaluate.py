@@ -1,4 +1,4 @@
-"""``clew evaluate``: a trajectory against true relations or a true trajectory."""
+"""``clew evaluate``: a trajectory against true relations, a true trajectory, or its own scans."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ import typer
 from clew.errors import InputError
 
 if TYPE_CHECKING:
+    from clew.cli.self_evaluation import SelfEvaluation
     from clew.evaluate import ErrorStatistics
 
 
@@ -21,6 +22,9 @@ def evaluate(
         help="True relations: t1 t2 x y z roll pitch yaw.", metavar="FILE", show_default=False)] = None,
     truth: Annotated[Path | None, typer.Option(
         help="True trajectory, TUM format.", metavar="FILE", show_default=False)] = None,
+    own_log: Annotated[Path | None, typer.Option(
+        "--self", help="The log that the trajectory was made from: judge it by its own scans.", metavar="LOG",
+        show_default=False)] = None,
     delta: Annotated[str, typer.Option(
         help="Distance (10m) or time (5s) over which drift is measured with --truth.")] = "10m",
     tolerance: Annotated[float | None, typer.Option(
@@ -28,23 +32,26 @@ def evaluate(
         show_default=False)] = None,
     json: Annotated[bool, typer.Option("--json", help="Print JSON instead of a table.")] = False,
 ) -> None:
-    """Compare a trajectory with the truth.
+    """Compare a trajectory with the truth, or with its own scans.
 
     With --relations: mean and deviation of the errors of relative poses (Kümmerle et al. 2009), the field's
     measure for laser logs. With --truth: distance from the true trajectory after the best rigid alignment, and
-    drift over a fixed distance or time. Give one of them or both.
+    drift over a fixed distance or time. With --self, which needs no truth: relative poses between visits of one
+    place against the alignment of the two scans, and the spread of returns about their walls. Give one or more.
 
-    [bold]Examples[/bold]
+    **Examples**
 
-    clew evaluate out/trajectory.tum --relations intel.relations
+    `clew evaluate out/trajectory.tum --relations intel.relations`
 
-    clew evaluate out/trajectory.tum --truth truth.tum --delta 5s --json
+    `clew evaluate out/trajectory.tum --truth truth.tum --delta 5s --json`
+
+    `clew evaluate out/trajectory.tum --self intel.clf.bz2`
     """
     from clew.evaluate import absolute_trajectory_error, relation_errors, relative_pose_error
     from clew.io import read_relations, read_tum
 
-    if relations is None and truth is None:
-        raise InputError("nothing to compare with: give --relations FILE, --truth FILE, or both")
+    if relations is None and truth is None and own_log is None:
+        raise InputError("nothing to compare with: give --relations FILE, --truth FILE, --self LOG, or several of them")
     length, along = _parse_delta(delta)
     timestamps, poses = read_tum(trajectory)
     report: dict[str, object] = {"trajectory": str(trajectory), "poses": len(timestamps)}
@@ -65,10 +72,21 @@ def evaluate(
         report["relative"] = drift.to_dict()
         rows.append(("absolute, aligned", absolute.used, absolute.unused, absolute.translation, absolute.rotation))
         rows.append((f"drift over {delta}", drift.used, None, drift.translation, drift.rotation))
+    of_itself = None
+    if own_log is not None:
+        from clew.cli.self_evaluation import evaluate_self, in_plane
+        from clew.io import open_log
+
+        of_itself = evaluate_self(timestamps, in_plane(poses), open_log(own_log))
+        report["self"] = of_itself.to_dict()
+        pairs = of_itself.pairs
+        rows.append(("revisits, own scans", pairs.used, pairs.unused, pairs.translation, pairs.rotation))
     if json:
         _print_json(report)
     else:
         _print_table(trajectory, rows)
+        if of_itself is not None:
+            _print_spread(of_itself)
 
 
 def _parse_delta(text: str) -> tuple[float, Literal["distance", "time"]]:
@@ -107,3 +125,12 @@ def _print_table(trajectory: Path,
     console = Console()
     console.print(str(trajectory), soft_wrap=True, markup=False, highlight=False)
     console.print(table, width=max(console.width, 100), crop=False)
+
+
+def _print_spread(of_itself: SelfEvaluation) -> None:
+    from rich.console import Console
+
+    spread = of_itself.spread
+    Console().print(
+        f"returns about their walls: median {100 * spread.median:.2f} cm, rms {100 * spread.rms:.2f} cm "
+        f"({spread.used} returns, {spread.unused} without a wall)", highlight=False, soft_wrap=True)

@@ -83,12 +83,15 @@ def map_log(log: Source, options: JobOptions, console: Console) -> JobResult:
             else:
                 slam.add_scan(measurement)
                 progress.scan(slam)
+        stopped = interrupt.requested
+        if stopped and not slam.scan_count:
+            raise KeyboardInterrupt
         if not slam.scan_count:
             raise InputError(
                 f"no odometry before any of the {log.scan_count} scans: give a log with odometry, "
                 "or estimate the motion from the scans alone with --no-odometry"
             )
-        if options.refine and not interrupt.requested:
+        if options.refine and not stopped:
             slam.refine(progress.refining)
         progress.writing()
         estimated = time.perf_counter() - begun
@@ -106,12 +109,12 @@ def map_log(log: Source, options: JobOptions, console: Console) -> JobResult:
         "estimate_seconds": round(estimated, 3),
         "realtime_factor": round(log_seconds / wall, 2) if wall > 0 else 0.0,
         "chi2": slam.chi2,
-        "refined": options.refine and not interrupt.requested,
-        "complete": not interrupt.requested,
+        "refined": options.refine and not stopped,
+        "complete": not stopped,
         "map_size_m": [round(side * grid.resolution, 2) for side in grid.shape[::-1]],
         "skipped": dict(sorted((log.report.skipped + left_out).items())),
     }
-    return JobResult(slam, {**summary, "peak_memory_mb": _rounded(peak_memory_mb())}, interrupt.requested)
+    return JobResult(slam, {**summary, "peak_memory_mb": _rounded(peak_memory_mb())}, stopped)
 
 
 def _rounded(value: float | None) -> float | None:

@@ -13,14 +13,9 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
-
     from clew.io import GraphFile
     from clew.noise import Kernel
     from clew.solve import Solution
-
-    Array = NDArray[np.float64]
 
 
 class Method(str, Enum):
@@ -38,11 +33,20 @@ class Init(str, Enum):
     FILE = "file"
     TREE = "tree"
     ROTATION = "rotation"
+    SEQUENTIAL = "sequential"
 
 
 def optimize(
     graph: Annotated[Path, typer.Argument(help="Pose graph: g2o or TORO, plain or packed.")],
-    output: Annotated[Path | None, typer.Option("-o", "--output", help="Write the result as g2o.")] = None,
+    output: Annotated[
+        Path | None,
+        typer.Option(
+            "-o",
+            "--output",
+            help="Write the result; the ending chooses the format: .g2o, .graph (TORO), .tum (the vertex id as "
+            "timestamp), .kitti or .txt (KITTI, by vertex id); .g2o.gz and .graph.gz are packed.",
+        ),
+    ] = None,
     method: Annotated[Method, typer.Option(help="How steps are found.")] = Method.LEVENBERG_MARQUARDT,
     robust: Annotated[
         str | None,
@@ -54,12 +58,17 @@ def optimize(
     init: Annotated[
         Init,
         typer.Option(
-            help="Initial guess: the file's values, a spanning tree, rotations first, or the best of these."
+            help="Initial guess: the file's values, a spanning tree, rotations first, a graph that grows pose by "
+            "pose (landmarks), or the best of these."
         ),
     ] = Init.AUTO,
     max_iterations: Annotated[int, typer.Option(min=0, help="Limit on the steps tried.")] = 100,
     marginals: Annotated[
-        Path | None, typer.Option(help="Write the covariance of every variable as CSV.")
+        Path | None,
+        typer.Option(
+            help="Write the covariance of every variable as CSV: key, kind, then the matrix row by row in the "
+            "variable's own frame, translation first (m, rad)."
+        ),
     ] = None,
     plot: Annotated[
         Path | None, typer.Option(help="Draw the result as PNG; with --marginals, ellipses too.")
@@ -67,12 +76,25 @@ def optimize(
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object instead of text.")] = False,
     threads: Annotated[int, typer.Option(min=1, help="Threads of the factorisation.")] = 1,
 ) -> None:
-    """Optimise a pose graph and say how it went."""
+    """Optimise a pose graph and say how it went.
+
+    **Examples**
+
+    `clew optimize manhattan.g2o -o optimised.g2o`
+
+    `clew optimize out/graph.g2o --robust dcs --json`
+
+    Exit code 0 says that there is a result; whether it converged is in the text, and in `status` of `--json`. Bad
+    input ends with exit code 2 and one line.
+    """
     clock = _Clock()
-    from clew.io import read_graph, write_graph
+    from clew.cli.solution_outputs import draw, format_of, write_marginals, write_result
+    from clew.io import read_graph
     from clew.solve import optimize as solve
 
     kernel = None if robust is None else parse_kernel(robust)
+    if output is not None:
+        format_of(output)  # a wrong ending shall not cost a solve
     clock.skip()
     file = read_graph(graph)
     clock.lap("read")
@@ -89,7 +111,7 @@ def optimize(
     clock.seconds["initialise"] = solution.seconds["initialise"]
     clock.seconds["solve"] = solution.seconds["total"] - solution.seconds["initialise"]
     if output is not None:
-        write_graph(output, solution.graph, features=file.features, unknown=file.report.unknown)
+        write_result(output, file, solution)
     clock.lap("write")
     if marginals is not None:
         write_marginals(marginals, solution)
@@ -97,7 +119,7 @@ def optimize(
     if plot is not None:
         draw(plot, solution, ellipses=marginals is not None)
     seconds = clock.finish()
-    typer.echo(_as_json(solution, seconds) if as_json else _as_text(file, solution, seconds))
+    typer.echo(_as_json(file, solution, seconds) if as_json else _as_text(file, solution, seconds))
 
 
 def parse_kernel(text: str) -> Kernel:
@@ -131,57 +153,6 @@ def parse_kernel(text: str) -> Kernel:
     return kernel(number)
 
 
-def write_marginals(path: Path, solution: Solution) -> None:
-    """Covariances as CSV: key, kind, then the matrix row by row, in the tangent of `retract`.
-
-    Raises:
-        InputError: the measurements leave variables free, or the file cannot be written.
-    """
-    from clew.io import atomic_write
-
-    with atomic_write(path) as file:
-        file.write("# key,kind,covariance row by row (translation first; m, rad; in the pose's frame)\n")
-        for kind in solution.kinds:
-            rows = solution.covariances(kind).reshape(-1, kind.dim**2).tolist()
-            for key, row in zip(solution.keys(kind).tolist(), rows, strict=True):
-                file.write(f"{key},{kind.name},{','.join(map(repr, row))}\n")
-
-
-def draw(path: Path, solution: Solution, *, ellipses: bool) -> None:
-    """Picture of the solution: poses, landmarks, edges by role and, in the plane, ellipses if wanted.
-
-    Raises:
-        InputError: the file cannot be written, or ellipses are wanted and some variables are free to move.
-    """
-    import numpy as np
-
-    from clew.geometry import SE2, SE3, so2
-    from clew.view import plot_graph
-
-    graph = solution.graph
-    where = {kind: solution.values(kind).array[:, : kind.space] for kind in solution.kinds}
-    edges: dict[str, list[Array]] = {}
-    for block in graph.blocks():
-        if len(block.kinds) > 1:
-            rows = graph.positions(block.keys)
-            ends = [where[kind][rows[:, place]] for place, kind in enumerate(block.kinds[:2])]
-            edges.setdefault(block.role.value, []).append(np.stack(ends, axis=1))
-    poses = [kind for kind in solution.kinds if kind in (SE2, SE3)]
-    points = [where[kind] for kind in solution.kinds if kind not in (SE2, SE3)]
-    covariances = None
-    if ellipses and poses == [SE2]:
-        turn = so2.matrix(solution.values(SE2).array[:, 2:])
-        covariances = turn @ solution.covariances(SE2)[:, :2, :2] @ np.swapaxes(turn, 1, 2)
-    plot_graph(
-        path,
-        where[poses[0]] if poses else np.empty((0, 2)),
-        {role: np.concatenate(parts) for role, parts in edges.items()},
-        points[0] if points else None,
-        covariances,
-        f"chi2 {solution.chi2:.6g}",
-    )
-
-
 def _check(file: GraphFile, init: Init) -> None:
     from clew.errors import InputError
 
@@ -189,7 +160,7 @@ def _check(file: GraphFile, init: Init) -> None:
         raise InputError(f"{file.path}: the file gives no values of vertices; use --init auto")
 
 
-def _as_json(solution: Solution, seconds: dict[str, float]) -> str:
+def _as_json(file: GraphFile, solution: Solution, seconds: dict[str, float]) -> str:
     return json.dumps(
         {
             "chi2_initial": _finite(solution.chi2_initial),
@@ -199,6 +170,7 @@ def _as_json(solution: Solution, seconds: dict[str, float]) -> str:
             "message": solution.status.value,
             "init": solution.init,
             "diagnosis": list(solution.diagnosis),
+            "notes": _notes(file),
             "seconds": seconds,
         }
     )
@@ -209,18 +181,8 @@ def _finite(number: float) -> float | None:
 
 
 def _as_text(file: GraphFile, solution: Solution, seconds: dict[str, float]) -> str:
-    graph, report = file.graph, file.report
-    counts = ", ".join(f"{count:,} {name}" for name, count in graph.counts.items())
-    lines = [f"{file.path.name}: {counts}"]
-    if len(report.reduced):
-        lines.append(
-            f"{len(report.reduced):,} edges have an indefinite information matrix (first in line "
-            f"{report.reduced[0]}); their translation and rotation blocks are used"
-        )
-    if len(report.created) and file.has_values:
-        lines.append(f"{len(report.created):,} vertices are only mentioned by edges")
-    for tag, count in report.unknown_tags.items():
-        lines.append(f"{count:,} lines {tag} are not understood and were left out")
+    counts = ", ".join(f"{count:,} {name}" for name, count in file.graph.counts.items())
+    lines = [f"{file.path.name}: {counts}", *_notes(file)]
     lines.append(
         f"chi2 {solution.chi2_initial:.6g} -> {solution.chi2:.6g} in {solution.iterations} iterations "
         f"from the guess {solution.init!r}"
@@ -228,6 +190,22 @@ def _as_text(file: GraphFile, solution: Solution, seconds: dict[str, float]) -> 
     lines += [solution.status.value, *solution.diagnosis]
     lines.append(", ".join(f"{stage} {1e3 * spent:.0f} ms" for stage, spent in seconds.items()))
     return "\n".join(lines)
+
+
+def _notes(file: GraphFile) -> list[str]:
+    """What reading the file found worth saying."""
+    report = file.report
+    notes = []
+    if len(report.reduced):
+        notes.append(
+            f"{len(report.reduced):,} edges have an indefinite information matrix (first in line "
+            f"{report.reduced[0]}); their translation and rotation blocks are used"
+        )
+    if len(report.created) and file.has_values:
+        notes.append(f"{len(report.created):,} vertices are only mentioned by edges")
+    for tag, count in report.unknown_tags.items():
+        notes.append(f"{count:,} lines {tag} are not understood and were left out")
+    return notes
 
 
 class _Clock:

@@ -17,12 +17,12 @@ from clew.view import save_map_png, save_overview_png
 
 def write_outputs(slam: Slam, out: Path, title: str) -> OccupancyGrid:
     """Trajectory, keyframes, graph, closures, map and pictures (with a title); returns the map."""
+    grid = slam.map()  # first of all: a map that does not fit into memory leaves no file behind
     trajectory, keyframes = slam.trajectory, slam.keyframes
     write_tum(out / "trajectory.tum", trajectory.timestamps, trajectory.T_world_robot)
     write_tum(out / "keyframes.tum", keyframes.timestamps, keyframes.T_world_robot)
     write_graph(out / "graph.g2o", slam.graph)
     write_closures(slam, out / "closures.csv")
-    grid = slam.map()
     probabilities = np.where(grid.states() == CellState.UNKNOWN, np.nan, grid.probabilities())
     write_ros_map(out / "map", probabilities, grid.resolution, grid.origin)
     save_map_png(out / "map.png", grid)

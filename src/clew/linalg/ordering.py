@@ -10,8 +10,8 @@ from clew.linalg.pattern import Ints
 
 ORDERINGS = ("auto", "amd", "metis", "natural")
 
-#: Flops a variable below which nested dissection takes longer than it saves in ten factorisations.
-WORTH_DISSECTION = 2e5
+#: Flops a variable below which nested dissection takes longer than it saves in some six factorisations.
+WORTH_DISSECTION = 1e5
 
 
 def choose_order(analysis: _native.linalg.Analysis, variables: int, ordering: str) -> tuple[Ints, str]:

@@ -106,6 +106,7 @@ def build_occupancy_grid(
     max_range: float | None = None,
     free_range: float = FREE_RANGE,
     padding: float = 1.0,
+    exclude: Sequence[NDArray[np.bool_]] | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> OccupancyGrid:
     """Map of all scans at known robot poses.
@@ -117,6 +118,7 @@ def build_occupancy_grid(
         max_range: longest ray, metres (see `rays_from_scans`).
         free_range: longest free ray of a beam without return, metres.
         padding: border around the map, metres.
+        exclude: for each scan a mask over its beams, True where the return is left out (see `moving_returns`).
         progress: called with the number of scans done and of all scans.
 
     Raises:
@@ -125,10 +127,14 @@ def build_occupancy_grid(
     poses = np.asarray(T_world_robot, dtype=np.float64)
     if poses.shape != (len(scans), 3):
         raise InputError(f"{len(scans)} scans need poses of shape ({len(scans)}, 3), not {poses.shape}")
+    if exclude is not None and len(exclude) != len(scans):
+        raise InputError(f"{len(scans)} scans need as many masks of returns to exclude, not {len(exclude)}")
     builder = OccupancyGridBuilder(resolution)
     for begin in range(0, len(scans), _SCANS_AT_ONCE):
         part = slice(begin, begin + _SCANS_AT_ONCE)
-        builder.add(rays_from_scans(scans[part], poses[part], max_range=max_range, free_range=free_range))
+        masks = None if exclude is None else exclude[part]
+        builder.add(rays_from_scans(scans[part], poses[part], max_range=max_range, free_range=free_range,
+                                    exclude=masks))
         if progress is not None:
             progress(min(begin + _SCANS_AT_ONCE, len(scans)), len(scans))
     return builder.grid(padding)

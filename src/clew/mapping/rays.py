@@ -23,6 +23,10 @@ MAX_RANGE = 30.0
 #: says little: glass, black surfaces and sunlight swallow beams at any distance.
 FREE_RANGE = 5.0
 
+#: A return that is left out still says that its ray was free up to this far before it (metres): whoever stood there
+#: leaves no trace, and a return that was left out wrongly does not erase its wall.
+EXCLUDED_MARGIN = 0.15
+
 
 @dataclass(frozen=True, eq=False)
 class RayBatch:
@@ -70,6 +74,7 @@ def rays_from_scans(
     *,
     max_range: float | None = None,
     free_range: float = FREE_RANGE,
+    exclude: Sequence[NDArray[np.bool_]] | None = None,
 ) -> RayBatch:
     """Rays of scans taken at known robot poses.
 
@@ -83,10 +88,12 @@ def rays_from_scans(
         T_world_robot: ``(S, 3)`` pose of the robot at each scan.
         max_range: longest ray, metres; None for the sensor's `range_max`, but at most `MAX_RANGE`.
         free_range: longest free ray of a beam without return, metres; 0 leaves such beams out.
+        exclude: for each scan a mask over its beams, True where the return is left out (see `moving_returns`): the
+            beam becomes a free ray that ends `EXCLUDED_MARGIN` before it.
 
     Raises:
-        InputError: there are not as many poses as scans, a pose is not finite, `max_range` is not positive or
-            `free_range` negative.
+        InputError: there are not as many poses as scans, a pose is not finite, `max_range` is not positive,
+            `free_range` negative, or `exclude` has not one flag a beam.
     """
     poses = np.asarray(T_world_robot, dtype=np.float64)
     if poses.shape != (len(scans), 3):
@@ -97,8 +104,14 @@ def rays_from_scans(
         raise InputError(f"max_range must be positive, not {max_range}")
     if not free_range >= 0.0:
         raise InputError(f"free_range must not be negative, not {free_range}")
-    groups = [_rays_of_equal_scans(list(group), max_range, free_range)
-              for _, group in groupby(scans, key=_geometry)]
+    if exclude is not None and [mask.shape for mask in exclude] != [scan.ranges.shape for scan in scans]:
+        raise InputError("exclude needs a mask for each scan, with one flag a beam")
+    groups, begin = [], 0
+    for _, group in groupby(scans, key=_geometry):
+        equal = list(group)
+        part = None if exclude is None else np.stack(exclude[begin:begin + len(equal)])
+        groups.append(_rays_of_equal_scans(equal, part, max_range, free_range))
+        begin += len(equal)
     if not groups:
         return RayBatch(np.zeros((0, 3)), np.zeros(1, np.int64), np.zeros((0, 2)), np.zeros(0, np.bool_))
     counts, endpoints, hit = (np.concatenate(parts) for parts in zip(*groups, strict=True))
@@ -112,7 +125,7 @@ def _geometry(scan: LaserScan) -> tuple[int, float, float, float, float]:
 
 
 def _rays_of_equal_scans(
-    scans: list[LaserScan], max_range: float | None, free_range: float
+    scans: list[LaserScan], excluded: NDArray[np.bool_] | None, max_range: float | None, free_range: float
 ) -> tuple[NDArray[np.int64], Array, NDArray[np.bool_]]:
     """Beams a scan, endpoints and hit flags of scans that share one geometry."""
     first = scans[0]
@@ -125,6 +138,9 @@ def _rays_of_equal_scans(
     free_reach = min(free_range, first.range_max, reach)
     length = np.where(returned, np.minimum(ranges, reach), np.minimum(np.minimum(before, after), free_reach))
     hit = returned & (ranges <= reach)
+    if excluded is not None:
+        length = np.where(hit & excluded, np.maximum(length - EXCLUDED_MARGIN, 0.0), length)
+        hit &= ~excluded
     kept = (returned | no_return) & (length > 0.0)
     directions = np.stack([np.cos(first.angles), np.sin(first.angles)], axis=-1)
     endpoints = length[..., None] * directions

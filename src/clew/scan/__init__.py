@@ -1,26 +1,48 @@
-"""Laser scans: cleaning, matching, match covariance."""
+"""Laser scans: cleaning, features, matching, match covariance; tags in camera images."""
 
 from clew.scan.align import Alignment, AlignmentOptions, align
 from clew.scan.correlate import CorrelativeMatch, LikelihoodPyramid, build_pyramid, correlate
+from clew.scan.feature_circles import CircleOptions, Circles, find_circles
+from clew.scan.feature_corners import Corners, find_corners
+from clew.scan.feature_lines import LineOptions, Lines, find_lines
+from clew.scan.feature_reflectors import ReflectorOptions, Reflectors, find_reflectors
+from clew.scan.feature_returns import ReturnOptions
 from clew.scan.index import IndexedClouds, SourceClouds, index_cloud, join, merge_surfels
 from clew.scan.laser import LaserScan
 from clew.scan.points import CleaningOptions, ScanPoints, concatenate, extract_points
+from clew.scan.tags import FAMILIES, Camera, Tags, find_tags
 
 __all__ = [
+    "FAMILIES",
     "Alignment",
     "AlignmentOptions",
+    "Camera",
+    "CircleOptions",
+    "Circles",
     "CleaningOptions",
+    "Corners",
     "CorrelativeMatch",
     "IndexedClouds",
     "LaserScan",
     "LikelihoodPyramid",
+    "LineOptions",
+    "Lines",
+    "ReflectorOptions",
+    "Reflectors",
+    "ReturnOptions",
     "ScanPoints",
     "SourceClouds",
+    "Tags",
     "align",
     "build_pyramid",
     "concatenate",
     "correlate",
     "extract_points",
+    "find_circles",
+    "find_corners",
+    "find_lines",
+    "find_reflectors",
+    "find_tags",
     "index_cloud",
     "join",
     "merge_surfels",

@@ -26,6 +26,7 @@ class LaserScan:
         range_min: shorter ranges are no returns of the world, metres.
         range_max: longest range that the sensor reports as a return, metres.
         T_robot_sensor: ``(3,)`` pose of the laser on the robot (x, y, theta).
+        intensities: ``(n,)`` strength of each return in the sensor's own unit, or None where it has none.
     """
 
     timestamp: float
@@ -35,6 +36,7 @@ class LaserScan:
     range_min: float
     range_max: float
     T_robot_sensor: Array = field(default_factory=_identity)
+    intensities: Array | None = None
 
     @property
     def angles(self) -> Array:

@@ -3,6 +3,16 @@
 from clew.sim.carmen import write_carmen
 from clew.sim.demo import KINDS, simulate_demo, simulate_kind
 from clew.sim.drive import Drive, DriveModel, drive
+from clew.sim.landmarks import (
+    ANONYMOUS,
+    NO_LANDMARK,
+    LandmarkWorld,
+    SightingModel,
+    Sightings,
+    landmark_field,
+    see_landmarks,
+)
+from clew.sim.landmarks_fleet import FleetModel, MeetingModel, Meetings, RobotRun, simulate_fleet, step_covariances
 from clew.sim.laser import LaserModel, cast_rays
 from clew.sim.layouts import hall, long_corridor, loop
 from clew.sim.log import SimulatedLog, SimulationReport, simulate
@@ -12,23 +22,36 @@ from clew.sim.route import tour
 from clew.sim.world import World
 
 __all__ = [
+    "ANONYMOUS",
     "KINDS",
+    "NO_LANDMARK",
     "Drive",
     "DriveModel",
+    "FleetModel",
+    "LandmarkWorld",
     "LaserModel",
+    "MeetingModel",
+    "Meetings",
     "OdometryModel",
+    "RobotRun",
+    "SightingModel",
+    "Sightings",
     "SimulatedLog",
     "SimulationReport",
     "World",
     "cast_rays",
     "drive",
     "hall",
+    "landmark_field",
     "long_corridor",
     "loop",
     "office_building",
+    "see_landmarks",
     "simulate",
     "simulate_demo",
+    "simulate_fleet",
     "simulate_kind",
+    "step_covariances",
     "tour",
     "write_carmen",
 ]

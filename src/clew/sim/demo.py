@@ -24,13 +24,14 @@ _WORLDS: dict[str, Callable[[int], World]] = {
 KINDS = tuple(_WORLDS)
 
 
-def simulate_demo(seed: int = 1, *, duration: float = 400.0, people: int = 0) -> SimulatedLog:
+def simulate_demo(seed: int = 1, *, duration: float = 400.0, people: int = 0, doors: bool = False) -> SimulatedLog:
     """The demo: 400 s through an office building, 5 scans a second, odometry that fails by metres."""
-    return simulate_kind("office", seed, duration=duration, people=people)
+    return simulate_kind("office", seed, duration=duration, people=people, doors=doors)
 
 
 def simulate_kind(kind: str, seed: int, *, duration: float = 400.0, rate: float = 5.0, people: int = 0,
-                  laser: LaserModel | None = None, odometry: OdometryModel | None = None) -> SimulatedLog:
+                  doors: bool = False, laser: LaserModel | None = None,
+                  odometry: OdometryModel | None = None) -> SimulatedLog:
     """A drive through a world of one of the `KINDS`; the seed makes world, way and noise.
 
     Args:
@@ -39,6 +40,7 @@ def simulate_kind(kind: str, seed: int, *, duration: float = 400.0, rate: float 
         duration: seconds.
         rate: scans a second, Hz.
         people: number of people who walk around.
+        doors: whether doors open and close (only offices have any).
         laser: the sensor; `LaserModel` by default.
         odometry: `OdometryModel.medium` by default.
 
@@ -53,4 +55,4 @@ def simulate_kind(kind: str, seed: int, *, duration: float = 400.0, rate: float 
     # A tour at top speed would take the whole time; corners and turns make it longer, and the end is cut off.
     driven = drive(tour(world, seed, 1.2 * duration), rate=rate, duration=duration)
     return simulate(world, driven, laser or LaserModel(), odometry or OdometryModel.medium(), seed,
-                    people=people)
+                    people=people, doors=doors)

@@ -13,6 +13,8 @@ from numpy.typing import NDArray
 from clew.errors import InputError
 from clew.motion import Odometry
 from clew.scan import LaserScan
+from clew.sim.doors import cover as cover_by_doors
+from clew.sim.doors import leaves, swing
 from clew.sim.drive import Drive
 from clew.sim.laser import LaserModel, cast_rays, sensor_poses
 from clew.sim.odometry import OdometryModel
@@ -39,7 +41,9 @@ class SimulatedLog:
         T_world_robot: ``(N, 3)`` true poses at the timestamps (x, y, theta).
         T_odom_robot: ``(N, 3)`` dead reckoning at the timestamps, from the identity.
         ranges: ``(N, B)`` metres, ``inf`` for no return.
-        moving: ``(N, B)`` True where the beam met a person.
+        moving: ``(N, B)`` True where the beam met a person or the leaf of a door.
+        door: ``(N, B)`` True where it was a door.
+        door_share: ``(N, D)`` how far each door of the world stood open, from 0 (closed) to 1; ``(N, 0)`` without.
         path: stands for the path of a log file; nothing is there.
         report: counts of records.
     """
@@ -51,6 +55,8 @@ class SimulatedLog:
     T_odom_robot: Array
     ranges: Array
     moving: NDArray[np.bool_]
+    door: NDArray[np.bool_]
+    door_share: Array
     path: Path
     report: SimulationReport
 
@@ -83,10 +89,10 @@ class SimulatedLog:
 
 
 def simulate(world: World, driven: Drive, laser: LaserModel, odometry: OdometryModel, seed: int, *,
-             people: int = 0) -> SimulatedLog:
+             people: int = 0, doors: bool = False) -> SimulatedLog:
     """Record what a robot measures on a drive; same arguments, same bytes.
 
-    Laser, odometry and people have streams of noise of their own: changing one leaves the others as they are.
+    Laser, odometry, people and doors have streams of noise of their own: changing one leaves the others as they are.
 
     Args:
         world: where the robot drives.
@@ -95,23 +101,31 @@ def simulate(world: World, driven: Drive, laser: LaserModel, odometry: OdometryM
         odometry: errors of dead reckoning.
         seed: of all noise.
         people: number of people who walk through the world.
+        doors: whether the doors of the world open and close; otherwise there are none in its openings.
 
     Raises:
         InputError: an empty drive or a negative number of people.
     """
     if len(driven.timestamps) == 0 or people < 0:
         raise InputError("simulate: needs a drive of at least one pose and no negative number of people")
-    of_laser, of_odometry, of_people = np.random.SeedSequence(seed).spawn(3)
+    of_laser, of_odometry, of_people, of_doors = np.random.SeedSequence(seed).spawn(4)
     poses = driven.T_world_robot
     T_world_sensor = sensor_poses(poses, laser)
     distances = cast_rays(world.segments, T_world_sensor, laser.angles, laser.range_max + 1.0)
-    moving = np.zeros(distances.shape, dtype=np.bool_)
+    positions = np.zeros((len(poses), 0, 2))
     if people:
         positions = walk(world, driven.timestamps, people, int(of_people.generate_state(1)[0]))
-        distances, moving = cover(distances, T_world_sensor, laser.angles, positions)
+    share = np.zeros((len(poses), 0))
+    if doors:
+        walkers = np.concatenate([poses[:, None, :2], positions], axis=1)
+        share = swing(world, driven.timestamps, walkers, int(of_doors.generate_state(1)[0]))
+    segments = leaves(world.doors[:share.shape[1]], share)
+    distances, door = cover_by_doors(distances, T_world_sensor, laser.angles, segments)
+    distances, person = cover(distances, T_world_sensor, laser.angles, positions)
     ranges = laser.measure(distances, np.random.default_rng(of_laser))
+    seen = np.isfinite(ranges)
     count = len(driven.timestamps)
     return SimulatedLog(world, laser, driven.timestamps, poses,
                         odometry.reckon(poses, np.random.default_rng(of_odometry)), ranges,
-                        moving & np.isfinite(ranges), Path(f"{world.name}-{seed}.simulated"),
+                        (door | person) & seen, door & ~person & seen, share, Path(f"{world.name}-{seed}.simulated"),
                         SimulationReport(used=Counter(scan=count, odometry=count)))

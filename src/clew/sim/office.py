@@ -81,6 +81,7 @@ class _Builder:
         self.places: list[tuple[float, float]] = []
         self.links: list[tuple[int, int]] = []
         self.rooms: list[int] = []
+        self.doors: list[Array] = []
         #: Places on each corridor with their x.
         self.on_corridor: list[list[tuple[float, int]]] = [[], []]
 
@@ -103,7 +104,8 @@ class _Builder:
         for corridor in self.on_corridor:
             self.links += chain([place for _, place in sorted(corridor)])
         return World(name, np.concatenate(self.outlines), np.array(self.places),
-                     np.array(self.links, dtype=np.int64), np.array(self.rooms, dtype=np.int64))
+                     np.array(self.links, dtype=np.int64), np.array(self.rooms, dtype=np.int64),
+                     doors=np.array(self.doors).reshape(-1, 3, 2))
 
     def _place(self, x: float, y: float, corridor: int | None = None) -> int:
         self.places.append((x, y))
@@ -145,6 +147,9 @@ class _Builder:
         inside = self._place(door, door_y + inward * float(rng.uniform(1.6, 2.8)))
         self.links.append((front, inside))
         self.rooms.append(inside)
+        leaf = door_y + inward * THICKNESS / 4
+        self.doors.append(np.array([[opening[0], leaf], [opening[1], leaf],
+                                    [opening[0], leaf + inward * DOOR]]))
         for low, high in ((left, door - LANE / 2), (door + LANE / 2, right)):
             self._furnish(low + 0.2, high - 0.2, door_y + inward * 0.3, back_y - inward * 0.3)
         # Something against the back wall, seen from the door.

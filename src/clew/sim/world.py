@@ -16,6 +16,10 @@ def _no_rooms() -> Indices:
     return np.zeros(0, dtype=np.int64)
 
 
+def _no_doors() -> Array:
+    return np.zeros((0, 3, 2))
+
+
 @dataclass(frozen=True, eq=False)
 class World:
     """A planar world of line segments with a graph of free paths through it.
@@ -28,6 +32,8 @@ class World:
         rooms: ``(R,)`` indices of places inside rooms (dead ends where a robot turns round); all others are
             corridors and junctions.
         start: index of the place where a drive begins.
+        doors: ``(D, 3, 2)`` doors that can be closed: the hinge, the latch when closed, the latch when open (a quarter
+            of a turn apart), metres.
     """
 
     name: str
@@ -36,6 +42,7 @@ class World:
     links: Indices
     rooms: Indices = field(default_factory=_no_rooms)
     start: int = 0
+    doors: Array = field(default_factory=_no_doors)
 
 
 def box(x0: float, y0: float, x1: float, y1: float) -> Array:

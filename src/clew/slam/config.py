@@ -21,7 +21,11 @@ class TrackingOptions:
         map_keyframes: how many recent keyframes make the local map.
         resolution, sigma: cell and blur of the correlative search, metres.
         window_sigmas: half of the search window in deviations of the prediction,
-        window_floor: and its least half size, metres, metres, radians.
+        window_floor: and its least half size, metres, metres, radians,
+        window_ceiling: and its largest: the time of a search grows with its window.
+        fastest: odometry that claims a greater speed, metres a second, has jumped, as when it is reset; motion is
+            predicted without it,
+        carry_on: by the last velocity, for so many seconds at most.
         prior_weight: weight of the prediction against the mean likelihood in the search.
         voxel: side of a surfel of the local map, metres.
         return_weight: what a return counts against the prediction in the match,
@@ -42,6 +46,9 @@ class TrackingOptions:
     sigma: float = 0.06
     window_sigmas: float = 5.0
     window_floor: tuple[float, float, float] = (0.3, 0.3, 0.2)
+    window_ceiling: tuple[float, float, float] = (5.5, 5.5, 3.2)
+    fastest: float = 5.0
+    carry_on: float = 1.0
     prior_weight: float = 0.04
     voxel: float = 0.05
     return_weight: float = 0.3
@@ -63,6 +70,7 @@ class ClosingOptions:
         reach: a submap is a candidate when it may lie this close, metres.
         candidates: submaps that are matched at most in one attempt.
         similarity: least cosine of the descriptors.
+        caution: factor on the covariance of the prediction: drift is not quite the sum of independent errors.
         sigmas: half of the search window in deviations of the prediction,
         window_floor: its least half size, metres and radians,
         window_ceiling: and its largest.
@@ -70,9 +78,12 @@ class ClosingOptions:
         tracked: a closure that moves the robot by less than this, metres and radians, needs no other to agree;
         supporters: any other needs so many that do,
         support_path: from sources within this many metres of path.
+        settled: a closure that moves the robot by less than this, metres and radians, changes nothing at once;
+        batch: so many of them are optimised together.
         cached_submaps: submaps kept in memory.
         information_scale: as in `TrackingOptions`.
-        kernel_scale: scale of the robust kernel on closures (DCS), in squared whitened residuals.
+        kernel_scale: scale of the robust kernel on closures (Huber: convex, so that a right closure pulls from any
+            distance), in whitened residuals.
         residual: a closure with a larger squared residual after optimisation is withdrawn.
     """
 
@@ -84,6 +95,7 @@ class ClosingOptions:
     reach: float = 5.0
     candidates: int = 3
     similarity: float = 0.5
+    caution: float = 3.0
     sigmas: float = 3.0
     window_floor: tuple[float, float] = (0.3, 0.06)
     window_ceiling: tuple[float, float] = (12.0, 1.0)
@@ -91,9 +103,11 @@ class ClosingOptions:
     tracked: tuple[float, float] = (0.3, 0.06)
     supporters: int = 2
     support_path: float = 6.0
+    settled: tuple[float, float] = (0.05, 0.01)
+    batch: int = 5
     cached_submaps: int = 64
-    information_scale: float = 0.06
-    kernel_scale: float = 10.0
+    information_scale: float = 0.08
+    kernel_scale: float = 3.0
     residual: float = 40.0
 
 
@@ -115,7 +129,7 @@ class RefinementOptions:
     overlap: float = 0.4
     rounds: int = 4
     movement: float = 0.002
-    information_scale: float = 0.01
+    information_scale: float = 0.1
 
 
 @dataclass(frozen=True)

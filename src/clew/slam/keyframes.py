@@ -42,7 +42,7 @@ class KeyframeStore:
 
     def __init__(self) -> None:
         self._keyframes: list[Keyframe] = []
-        self._local = np.zeros((64, 3))  # T_local_robot of all, doubled when full
+        self._local = np.zeros((64, 4))  # T_local_robot and path of all, doubled when full
 
     def __len__(self) -> int:
         return len(self._keyframes)
@@ -55,9 +55,14 @@ class KeyframeStore:
         count = len(self._keyframes)
         if count == len(self._local):
             self._local = np.concatenate([self._local, np.zeros_like(self._local)])
-        self._local[count] = keyframe.T_local_robot
+        self._local[count] = (*keyframe.T_local_robot, keyframe.path)
         self._keyframes.append(keyframe)
         return len(self._keyframes) - 1
+
+    @property
+    def paths(self) -> Array:
+        """``(K,)`` metres driven until each keyframe."""
+        return self._local[: len(self), 3]
 
     def clouds(self, members: NDArray[np.int64]) -> list[ScanPoints]:
         """Points of keyframes, each in its own frame."""
@@ -69,7 +74,7 @@ class KeyframeStore:
 
     def relative(self, anchor: int, members: NDArray[np.int64]) -> Array:
         """``(M, 3)`` poses of keyframes seen from another by the front end alone: good over short paths."""
-        return se2.between(self._local[anchor], self._local[members])
+        return se2.between(self._local[anchor, :3], self._local[members, :3])
 
     def surfels(self, anchor: int, members: NDArray[np.int64], voxel: float) -> ScanPoints:
         """Surfels of neighbouring keyframes in the frame of one of them."""

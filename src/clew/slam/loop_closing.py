@@ -47,6 +47,7 @@ class LoopCloser:
         self._waiting: list[Closure] = []
         self._rejected: list[Closure] = []
         self._last_attempt = -np.inf
+        self._pending = 0  # closures since the last optimisation
 
     @property
     def accepted(self) -> list[Closure]:
@@ -65,13 +66,17 @@ class LoopCloser:
         path = self._keyframes[source].path
         if path - self._last_attempt < options.every:
             return False
-        anchors, covariances = self._candidates(source)
+        anchors = self._older_anchors(source)
         if not len(anchors):
             return False
         self._last_attempt = path
         members = np.arange(max(0, source + 1 - options.query_keyframes), source + 1)
         query = self._keyframes.surfels(source, members, QUERY_VOXEL)
-        alike = similarity(np.stack([self._describe(int(a)) for a in anchors]), describe(query.points))
+        appearance = describe(query.points)
+        anchors, covariances = self._candidates(source, anchors, appearance)
+        if not len(anchors):
+            return False
+        alike = self._similarities(anchors, appearance)
         order = np.argsort(-alike, kind="stable")
         order = order[alike[order] >= options.similarity][: options.candidates]
         poses = self._graph.poses
@@ -89,29 +94,51 @@ class LoopCloser:
 
     # --- candidates -------------------------------------------------------------------------------------------------
 
-    def _candidates(self, source: int) -> tuple[NDArray[np.int64], Array]:
-        """Anchors that may be near the source, given its uncertainty, nearest first, with relative covariances."""
+    def _older_anchors(self, source: int) -> NDArray[np.int64]:
+        """Anchors whose submaps are complete, a good stretch of path before the source."""
         options = self._config.closing
-        limit = self._keyframes[source].path - options.path
-        last = source - options.submap_keyframes
-        anchors = np.arange(0, max(last, 0), options.anchor_every)
-        anchors = anchors[[self._keyframes[int(a)].path <= limit for a in anchors]] if len(anchors) else anchors
-        none = np.zeros(0, dtype=np.int64), np.zeros((0, 3, 3))
-        if not len(anchors):
-            return none
+        paths = self._keyframes.paths
+        last = min(source - options.submap_keyframes, int(np.searchsorted(paths, paths[source] - options.path)))
+        return np.arange(0, max(last, 0), options.anchor_every, dtype=np.int64)
+
+    def _candidates(
+        self, source: int, anchors: NDArray[np.int64], appearance: Array
+    ) -> tuple[NDArray[np.int64], Array]:
+        """Anchors that may be near the source, given its uncertainty, with relative covariances.
+
+        The nearest ones; and while the robot may be far from where it is believed, those within its uncertainty
+        that look most alike.
+        """
+        options = self._config.closing
         poses = self._graph.poses
         tree = cKDTree(poses[anchors, :2])
+        position = poses[source, :2]
         ceiling = options.window_ceiling[0] + options.reach
-        found = tree.query(poses[source, :2], k=SHORTLIST, distance_upper_bound=ceiling)
-        distance, index = (np.asarray(part) for part in found)
-        index, distance = index[np.isfinite(distance)], distance[np.isfinite(distance)]
-        if not len(index):
-            return none
-        near = anchors[index].astype(np.int64)
-        covariances = self._graph.relative_covariances(source, near)
-        spread = options.sigmas * np.sqrt(covariances[:, 0, 0] + covariances[:, 1, 1])
-        possible = distance <= options.reach + spread
+        found = tree.query(position, k=SHORTLIST, distance_upper_bound=ceiling)
+        near = anchors[np.asarray(found[1])[np.isfinite(found[0])]]
+        if not len(near):
+            return near, np.zeros((0, 3, 3))
+        covariances, spread = self._uncertainty(source, near)
+        if spread.max() > options.reach:
+            within = tree.query_ball_point(position, min(options.reach + float(spread.max()), ceiling))
+            wide = np.setdiff1d(anchors[np.asarray(within, dtype=np.int64)], near)
+            alike = self._similarities(wide, appearance)
+            wide = wide[np.argsort(-alike, kind="stable")[:SHORTLIST]]
+            if len(wide):
+                near = np.concatenate([near, wide])
+                covariances, spread = self._uncertainty(source, near)
+        possible = np.hypot(*(poses[near, :2] - position).T) <= options.reach + spread
         return near[possible], covariances[possible]
+
+    def _uncertainty(self, source: int, anchors: NDArray[np.int64]) -> tuple[Array, Array]:
+        """Covariances ``(A, 3, 3)`` of the source seen from anchors, and how far off it may be, metres."""
+        covariances = self._config.closing.caution * self._graph.relative_covariances(source, anchors)
+        return covariances, self._config.closing.sigmas * np.sqrt(covariances[:, 0, 0] + covariances[:, 1, 1])
+
+    def _similarities(self, anchors: NDArray[np.int64], appearance: Array) -> Array:
+        if not len(anchors):
+            return np.zeros(0)
+        return similarity(np.stack([self._describe(int(a)) for a in anchors]), appearance)
 
     def _window(self, covariance: Array) -> Array:
         options = self._config.closing
@@ -165,21 +192,27 @@ class LoopCloser:
         best = max(candidates, key=lambda c: c.likelihood * c.overlap)
         if any(not self._agree(best, c) for c in candidates):
             self._rejected += [replace(c, verdict=Verdict.AMBIGUOUS) for c in candidates]
+            self._expire()
             return False
-        if self._is_tracked(best):
-            self._accept(best)
-        else:
-            self._waiting += candidates
+        supporters: list[Closure] = []
+        if not self._is_tracked(best):
             supporters = [w for w in self._waiting if w.source != best.source and self._agree(best, w)]
-            sources = {w.source for w in supporters}
-            if len(sources) < self._config.closing.supporters:
+            if len({w.source for w in supporters}) < self._config.closing.supporters:
+                self._waiting += candidates
                 self._expire()
                 return False
-            for closure in [best, *supporters]:
-                self._accept(closure)
-            confirmed = {(c.source, c.target) for c in [best, *supporters]}
-            self._waiting = [w for w in self._waiting if (w.source, w.target) not in confirmed]
+        for closure in [best, *supporters]:
+            self._accept(closure)
+        self._rejected += [replace(c, verdict=Verdict.REDUNDANT) for c in candidates if c is not best]
+        taken = {id(closure) for closure in supporters}
+        self._waiting = [w for w in self._waiting if id(w) not in taken]
         self._expire()
+        self._pending += 1
+        options = self._config.closing
+        if best.innovation[0] < options.settled[0] and best.innovation[1] < options.settled[1]:
+            if self._pending < options.batch:
+                return False
+        self._pending = 0
         self._graph.optimise()
         self._withdraw()
         return True

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from clew.factors import Between
 from clew.geometry import SE2, se2
 from clew.graph import FactorGraph, Role
-from clew.noise import DCS
+from clew.noise import Huber
 from clew.place import Closure
 from clew.slam.keyframes import Keyframe
 from clew.solve import Solution, optimize
@@ -36,7 +36,7 @@ class PoseGraph:
 
     def __init__(self, kernel_scale: float) -> None:
         self.graph = FactorGraph()
-        self._kernel = DCS(kernel_scale)
+        self._kernel = Huber(kernel_scale)
         self._solution: Solution | None = None
         self._solved = 0  # keyframes that the last solution knows
         self._edge_covariances: list[Array] = []  # (3, 3) of each keyframe seen from the one before

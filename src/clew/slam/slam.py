@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from clew.errors import InputError
 from clew.geometry import SE2, se2
 from clew.graph import FactorGraph
-from clew.mapping import OccupancyGrid, build_occupancy_grid
+from clew.mapping import OccupancyGrid, build_occupancy_grid, moving_returns
 from clew.motion import Odometry, OdometryBuffer
 from clew.place import Closure
 from clew.scan import LaserScan
@@ -80,15 +80,27 @@ class Slam:
             self.add_scan(measurement)
 
     def add_odometry(self, odometry: Odometry) -> None:
-        """Take an odometry reading; readings come in the order of time."""
+        """Take an odometry reading; readings come in the order of time.
+
+        Raises:
+            InputError: the reading is no pose of finite numbers.
+        """
+        pose = odometry.T_odom_robot
+        if np.shape(pose) != (3,) or not np.isfinite([*pose, odometry.timestamp]).all():
+            raise InputError(
+                f"odometry at {odometry.timestamp:.6f} s: {pose} is no pose (x, y, theta) of "
+                "finite numbers: leave it out"
+            )
         self._odometry.add(odometry)
 
     def add_scan(self, scan: LaserScan) -> SE2:
         """Take a scan; returns the pose of the robot at it, ``T_world_robot``.
 
         Raises:
-            InputError: the scan is not later than the last one, or no odometry has come though it is expected.
+            InputError: the scan is not later than the last one, its geometry is not finite, or no odometry has come
+                though it is expected.
         """
+        _check(scan)
         if self._scans and scan.timestamp <= self._scans[-1].timestamp:
             raise InputError(
                 f"the scan at {scan.timestamp:.6f} s is not later than the last one, at "
@@ -103,7 +115,8 @@ class Slam:
         tracked = self._tracker.track(scan, T_odom_robot)
         self._scans.append(scan)
         self._tracked.append(tracked)
-        self._T_odom_robot.append(np.zeros(3) if T_odom_robot is None else T_odom_robot)
+        if T_odom_robot is not None:
+            self._T_odom_robot.append(T_odom_robot)
         self._refined = None
         if tracked.is_keyframe:
             self._pose_graph.add_keyframe(self._keyframes[tracked.keyframe])
@@ -115,7 +128,7 @@ class Slam:
         if len(self._keyframes) < 2:
             return
         self._pose_graph.optimise()
-        self._refined = refine(self._keyframes, self._pose_graph.poses, self.config, progress)
+        self._refined = refine(self._keyframes, self._pose_graph.graph, self.config, progress)
         self._pose_graph.set_poses(np.asarray(self._refined.values(SE2).array))
 
     # --- answers out ------------------------------------------------------------------------------------------------
@@ -155,10 +168,10 @@ class Slam:
 
     @property
     def odometry(self) -> Trajectory:
-        """What odometry alone says, from the world's origin; without odometry, all zero."""
-        stamps = np.array([scan.timestamp for scan in self._scans])
+        """What odometry alone says, from the world's origin; empty without odometry."""
         if not self._T_odom_robot:
-            return Trajectory(stamps, np.zeros((0, 3)))
+            return Trajectory(np.zeros(0), np.zeros((0, 3)))
+        stamps = np.array([scan.timestamp for scan in self._scans])
         poses = np.stack(self._T_odom_robot)
         return Trajectory(stamps, se2.between(poses[0], poses))
 
@@ -191,16 +204,28 @@ class Slam:
         return self._closer.rejected
 
     def map(self, resolution: float | None = None, progress: Callable[[int, int], None] | None = None) -> OccupancyGrid:
-        """Occupancy grid of all scans at the present trajectory.
+        """Occupancy grid of all scans at the present trajectory, without what did not stay (`moving_returns`).
 
         Raises:
             InputError: there is no scan yet.
         """
         if not self._scans:
             raise InputError("no scan yet: a map needs at least one")
+        poses = self.trajectory.T_world_robot
         return build_occupancy_grid(
             self._scans,
-            self.trajectory.T_world_robot,
+            poses,
+            exclude=moving_returns(self._scans, poses),
             resolution=resolution or self.config.map_resolution,
             progress=progress,
+        )
+
+
+def _check(scan: LaserScan) -> None:
+    """Ranges may be anything, but where they were measured must be known."""
+    numbers = [scan.timestamp, scan.angle_min, scan.angle_increment, *scan.T_robot_sensor]
+    if scan.ranges.ndim != 1 or len(scan.T_robot_sensor) != 3 or not np.isfinite(numbers).all():
+        raise InputError(
+            f"the scan at {scan.timestamp:.6f} s: give ranges (n,), finite angles and a finite T_robot_sensor "
+            "(x, y, theta)"
         )

@@ -99,12 +99,15 @@ class Tracker:
 
     def _motion(self, timestamp: float, T_odom_robot: Array | None) -> tuple[Array, Array]:
         """Motion since the last matched scan, with its covariance."""
+        options = self._config.tracking
+        seconds = max(timestamp - self._timestamp, 1e-3)
         if T_odom_robot is not None and self._T_odom_robot is not None:
             increment = se2.between(self._T_odom_robot, T_odom_robot)
-            return increment, self._config.odometry.covariance(increment)
-        seconds = max(timestamp - self._timestamp, 1e-3)
-        translation, rotation = (sigma * seconds for sigma in self._config.tracking.velocity_sigmas)
-        return se2.exp(self._velocity * seconds), np.diag([translation**2, translation**2, rotation**2])
+            if np.hypot(increment[0], increment[1]) <= options.fastest * max(seconds, options.carry_on):
+                return increment, self._config.odometry.covariance(increment)
+        translation, rotation = (sigma * seconds for sigma in options.velocity_sigmas)
+        ahead = se2.exp(self._velocity * min(seconds, options.carry_on))
+        return ahead, np.diag([translation**2, translation**2, rotation**2])
 
     def _remember(self, timestamp: float, T_odom_robot: Array | None, pose: Array) -> None:
         seconds = timestamp - self._timestamp
@@ -120,6 +123,7 @@ class Tracker:
         options = self._config.tracking
         sigmas = np.sqrt(np.diag(prior))
         half = np.maximum(options.window_sigmas * sigmas, options.window_floor) + self._stuck(increment)
+        half = np.minimum(half, options.window_ceiling)
         coarse = correlate(
             self._map.pyramid, merge_surfels(points, THINNING).points, predicted, half,
             prior_sigmas=sigmas, prior_weight=options.prior_weight,

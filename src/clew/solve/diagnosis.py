@@ -33,7 +33,13 @@ def diagnose(
         status: how the iteration ended.
         search: with its last factor.
     """
-    sentences = _first([str(part) for part in gauge.parts if part.held], "parts of the graph")
+    held = [str(part) for part in gauge.parts if part.held]
+    sentences = _first(held, "parts of the graph")
+    if len(held) > 1:
+        sentences.append(
+            f"These {len(held)} parts share no measurement, so how they lie to each other is arbitrary; add a "
+            "measurement between them, or a Prior in each."
+        )
     open_parts = [part for part in gauge.parts if not part.held]
     problem = posterior.problem
     if not problem.pattern.dim or status is Status.NOT_FINITE:

@@ -11,7 +11,6 @@ from clew import _native
 from clew.geometry import SE2, SE3
 from clew.graph import Factor
 from clew.noise import Kernel
-from clew.solve.differentiate import differentiate
 
 Array = NDArray[np.float64]
 Rows = NDArray[np.int32]
@@ -77,7 +76,7 @@ class CompiledBlock:
             )
             jacobians = [np.zeros((*residual.shape, kind.dim)) for kind in self.factor.kinds]
         else:
-            error, derivatives = differentiate(self.factor, arrays)
+            error, derivatives = self.factor.linearise(*arrays)
             residual, jacobians = np.ascontiguousarray(error), [np.ascontiguousarray(j) for j in derivatives]
         information, cost = self.factor.information, 0.0
         if (

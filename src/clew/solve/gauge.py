@@ -17,7 +17,6 @@ from numpy.typing import NDArray
 from clew import _native
 from clew.geometry import SE2, SE3, so2, so3
 from clew.graph import Factor, FactorGraph, Variables
-from clew.solve.differentiate import differentiate
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
@@ -195,7 +194,7 @@ def _sight(
     values_of = {table.kind: table.values for table in tables}
     rows = graph.positions(block.keys)
     values = [values_of[kind][rows[:, p]] for p, kind in enumerate(block.kinds)]
-    _, jacobians = differentiate(block, values)
+    _, jacobians = block.linearise(*values)
     terms = np.stack(
         [
             j @ _motions(kind, value, origin)

@@ -9,12 +9,24 @@ from clew.solve.evaluate import CompiledBlock
 from clew.solve.problem import Problem, Values
 
 Array = NDArray[np.float64]
+Flags = NDArray[np.bool_]
 
 
 def place_landmarks(problem: Problem, values: Values) -> Values:
     """Move each free landmark to its first sighting by point, or by range and bearing; others stay."""
+    return sighted_landmarks(problem, values, [np.ones(len(array), bool) for array in values])[0]
+
+
+def sighted_landmarks(problem: Problem, values: Values, known: list[Flags]) -> tuple[Values, list[Flags]]:
+    """Values with each free landmark at its first sighting from a known pose, and which those are.
+
+    Args:
+        problem: the compiled graph.
+        values: of all variables; those of the known poses count.
+        known: for each kind ``(N,)`` which poses to believe.
+    """
     placed = [array.copy() for array in values]
-    done = [columns < 0 for columns in problem.columns]
+    found = [np.zeros(len(array), bool) for array in values]
     for block in problem.blocks:
         seen = _sightings(block)
         if seen is None:
@@ -23,12 +35,16 @@ def place_landmarks(problem: Problem, values: Values) -> Values:
         if block.factor.T_robot_sensor is not None:
             seen = pose_kind.functions.act(block.factor.T_robot_sensor, seen)
         poses, points = block.tables
-        rows, first = np.unique(block.rows[:, 1], return_index=True)
-        new = ~done[points][rows]
-        rows, first = rows[new], first[new]
+        usable = np.flatnonzero(
+            known[poses][block.rows[:, 0]]
+            & (problem.columns[points][block.rows[:, 1]] >= 0)
+            & ~found[points][block.rows[:, 1]]
+        )
+        rows, first = np.unique(block.rows[usable, 1], return_index=True)
+        first = usable[first]
         placed[points][rows] = pose_kind.functions.act(values[poses][block.rows[first, 0]], seen[first])
-        done[points][rows] = True
-    return placed
+        found[points][rows] = True
+    return placed, found
 
 
 def _sightings(block: CompiledBlock) -> Array | None:

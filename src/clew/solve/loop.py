@@ -77,7 +77,7 @@ def iterate(
     A callback that returns True stops the iteration.
     """
     clock = _Clock()
-    system, other = problem.empty_system(), problem.empty_system()
+    system = problem.empty_system()
     trace = Trace(values, [problem.evaluate(values, robust, system)], system)
     clock.lap(trace, "linearise")
     if problem.pattern.dim == 0:
@@ -99,16 +99,16 @@ def iterate(
             break
         trace.iterations += 1
         candidate = problem.retract(trace.values, step.delta)
-        chi2 = problem.evaluate(candidate, robust, other)
-        clock.lap(trace, "linearise")
+        chi2 = problem.evaluate(candidate, robust, system)
         before = trace.chi2[-1]
         fresh = search.judge(step, before - chi2)
         largest = float(np.abs(step.delta).max())
         if fresh:
             trace.values = candidate
             trace.chi2.append(chi2)
-            system, other = other, system
-            trace.system = system
+        else:  # rejected steps are rare: linearising again costs less than room for a second system
+            problem.evaluate(trace.values, robust, system)
+        clock.lap(trace, "linearise")
         if callback is not None and callback(Progress(trace.iterations, trace.chi2[-1], fresh, largest)):
             trace.status = Status.STOPPED
             break

@@ -5,6 +5,7 @@ A search proposes a step from the normal equations, and learns from how well the
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 from typing import Protocol
 
@@ -75,7 +76,7 @@ class GaussNewton:
         if self.factor.status is not FactorStatus.OK:
             return None
         delta = self.factor.solve(-system.gradient)
-        return Step(delta, float(-system.gradient @ delta), full=True)
+        return Step(delta, -inner(system.gradient, delta), full=True)
 
     def judge(self, step: Step, decrease: float) -> bool:
         """Accept any finite cost."""
@@ -114,7 +115,7 @@ class LevenbergMarquardt:
                 return None
             if self.factor.status is FactorStatus.OK:
                 delta = self.factor.solve(-system.gradient)
-                predicted = float(-system.gradient @ delta + delta @ (damped * delta))
+                predicted = inner(delta, damped * delta - system.gradient)
                 return Step(delta, predicted, full=self.damping < 1e-2)
             self._raise()
         return None
@@ -164,28 +165,28 @@ class Dogleg:
             self._scale = np.sqrt(np.maximum(diagonal, 1e-9 * diagonal.max(initial=1e-9)))
             self._newton = self.factor.solve(-gradient)
             downhill = -gradient / self._scale**2
-            curvature = float(downhill @ multiply(problem, system, downhill))
-            self._cauchy = downhill * float(-gradient @ downhill) / max(curvature, 1e-300)
+            curvature = inner(downhill, multiply(problem, system, downhill))
+            self._cauchy = downhill * -inner(gradient, downhill) / max(curvature, 1e-300)
         delta, full = self._dogleg()
-        predicted = float(-2.0 * gradient @ delta - delta @ multiply(problem, system, delta))
+        predicted = -inner(delta, 2.0 * gradient + multiply(problem, system, delta))
         return Step(delta, predicted, full)
 
     def _dogleg(self) -> tuple[Array, bool]:
         newton, cauchy = self._scale * self._newton, self._scale * self._cauchy
-        if np.linalg.norm(newton) <= self.radius:
+        if length_of(newton) <= self.radius:
             return self._newton, True
-        length = float(np.linalg.norm(cauchy))
+        length = length_of(cauchy)
         if length >= self.radius:
             return self._cauchy * (self.radius / length), False
         along = newton - cauchy  # |cauchy + t along| = radius
-        a, b, c = float(along @ along), float(cauchy @ along), length**2 - self.radius**2
+        a, b, c = inner(along, along), inner(cauchy, along), length**2 - self.radius**2
         t = -c / (b + np.sqrt(b * b - a * c))
         return self._cauchy + t * (self._newton - self._cauchy), False
 
     def judge(self, step: Step, decrease: float) -> bool:
         """Accept a decrease; grow or shrink the trust region by the gain ratio."""
         gain = decrease / step.predicted if step.predicted > 0 else -1.0
-        length = float(np.linalg.norm(self._scale * step.delta))
+        length = length_of(self._scale * step.delta)
         if not np.isfinite(gain) or gain < 0.25:
             self.radius = 0.25 * length
         elif gain > 0.75:
@@ -196,6 +197,16 @@ class Dogleg:
     def exhausted(self) -> bool:
         """Steps this short change nothing in double precision."""
         return self.radius < 1e-14
+
+
+def inner(a: Array, b: Array) -> float:
+    """Inner product of two vectors; not by BLAS, whose threads spin for longer than this takes."""
+    return float(np.einsum("i,i->", a, b))
+
+
+def length_of(vector: Array) -> float:
+    """Euclidean length; see `inner`."""
+    return math.sqrt(inner(vector, vector))
 
 
 def multiply(problem: Problem, system: System, vector: Array) -> Array:

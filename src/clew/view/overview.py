@@ -146,9 +146,10 @@ def _legend(
     leaves = bool(((x < x_min) | (x > x_max) | (y < y_min) | (y > y_max)).any())
     handles = [
         Line2D([], [], color=TRAJECTORY, linewidth=1.8, label="optimised trajectory"),
-        Line2D([], [], color=ODOMETRY, linewidth=1.2, dashes=_DASHES,
-               label="odometry alone" + (" (leaves the picture)" if leaves else "")),
     ]
+    if len(odometry_xy):
+        handles.append(Line2D([], [], color=ODOMETRY, linewidth=1.2, dashes=_DASHES,
+                              label="odometry alone" + (" (leaves the picture)" if leaves else "")))
     if len(accepted):
         handles.append(Line2D([], [], color=CLOSURE, linewidth=1.2, marker="o", markersize=4,
                               markeredgewidth=0.0, label=counted(len(accepted), "loop closure")))

@@ -1,0 +1,73 @@
+"""``clew merge``: the graphs of several robots in, one graph out."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+if TYPE_CHECKING:
+    from clew.fleet import MergedFleet
+
+
+def merge(
+    inputs: Annotated[list[Path], typer.Argument(
+        help="Output folders of runs (graph.g2o, landmarks.csv), or g2o files; one a robot.", metavar="OUT...",
+        show_default=False)],
+    output: Annotated[Path, typer.Option("-o", "--output", help="Folder for the merged graph.", metavar="OUT",
+                                         show_default=False)],
+    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object instead of text.")] = False,
+) -> None:
+    """Merge robots that share landmarks or have relative poses between their graphs; no initial guess is needed.
+
+    Where the robots stand to each other is told from at least three landmarks of the same identity, from a
+    constellation of landmarks that cannot be chance, or from edges between the robots' poses (the top byte of a
+    vertex id is the robot's letter). Robots that cannot be placed are not merged. The result is in the frame of
+    the first robot.
+
+    **Examples**
+
+    `clew merge out1 out2 out3 -o all`
+    """
+    from clew.fleet import merge as merge_robots
+    from clew.fleet import read_robots, write_merged
+    from clew.io import ensure_output_folder
+
+    merged = merge_robots(read_robots(inputs))
+    ensure_output_folder(output)
+    write_merged(merged, output)
+    summary = summarise(merged)
+    typer.echo(json.dumps(summary, indent=2) if as_json else _as_text(merged, summary))
+
+
+def summarise(merged: MergedFleet) -> dict[str, object]:
+    """What became of the merge, for JSON."""
+    return {
+        "robots": list(merged.names),
+        "frames": {name: frame.tolist() for name, frame in zip(merged.names, merged.frames, strict=True)},
+        "links": [
+            {
+                "robots": [merged.names[a], merged.names[b]],
+                "support": link.support,
+                "edges": 0 if link.edges is None else len(link.edges.edges),
+                "rejected_edges": 0 if link.edges is None else link.edges.count - len(link.edges.edges),
+            }
+            for (a, b), link in merged.links.items()
+        ],
+        "shared_landmarks": len(merged.shared),
+        "chi2": merged.solution.chi2,
+        "status": merged.solution.status.name.lower(),
+    }
+
+
+def _as_text(merged: MergedFleet, summary: dict[str, object]) -> str:
+    counts = ", ".join(f"{count:,} {name}" for name, count in merged.graph.counts.items())
+    lines = [f"{len(merged.names)} robots: {counts}; {summary['shared_landmarks']:,} landmarks in common"]
+    for (a, b), link in merged.links.items():
+        what = f"{link.support} landmarks agree" if link.edges is None else (
+            f"{len(link.edges.edges)} of {link.edges.count} relative poses agree")
+        lines.append(f"{merged.names[a]} - {merged.names[b]}: {what}")
+    lines.append(f"chi2 {merged.solution.chi2:.6g}; {merged.solution.status.value}")
+    return "\n".join(lines)

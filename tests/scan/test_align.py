@@ -1,0 +1,153 @@
+"""Alignment: one linearisation against numeric derivatives, known motions, honest information."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from clew.geometry import se2
+from clew.scan import Alignment, AlignmentOptions, ScanPoints, SourceClouds, align, index_cloud, join
+from scan import twins
+from scan.clouds import CORRIDOR, EMPTY, ROOM, cloud_of, random_cloud
+
+Array = NDArray[np.float64]
+ONE = np.zeros((1, 2), dtype=np.int32)
+
+
+def single(target: ScanPoints, source: ScanPoints, start: Array, **others: object) -> Alignment:
+    return align(index_cloud(target), SourceClouds.single(source), ONE, start[None], **others)  # type: ignore[arg-type]  # tests pass options by name
+
+
+def cost_and_normal_equations(target: ScanPoints, source: ScanPoints, pose: Array,
+                              o: AlignmentOptions) -> tuple[Array, Array, float, float]:
+    """Hessian and gradient of the reweighted cost by numeric Jacobians; overlap and rms."""
+    partner = twins.partners(target, source, pose, o.radius_end, o.facing)
+    found = np.flatnonzero(partner >= 0)
+    part = ScanPoints(*(getattr(source, name)[found] for name in ("points", "normals", "along", "weights")))
+    partner = partner[found]
+
+    def stacked(delta: Array) -> Array:
+        return np.concatenate(twins.residuals(target, part, se2.retract(pose, delta), partner))
+
+    e, step = stacked(np.zeros(3)), 1e-6
+    jacobian = np.stack([(stacked(step * d) - stacked(-step * d)) / (2 * step) for d in np.eye(3)], axis=1)
+    robust = 1 / (1 + e**2 / (o.robust * o.sigma) ** 2)
+    weights = np.concatenate([part.weights, part.weights * target.along[partner]]) * robust
+    hessian = jacobian.T @ (weights[:, None] * jacobian) / o.sigma**2
+    gradient = jacobian.T @ (weights * e) / o.sigma**2
+    across = weights[: len(found)]
+    rms = np.sqrt(across @ e[: len(found)] ** 2 / across.sum()) if len(found) else 0.0
+    return hessian, gradient, len(found) / max(len(source), 1), float(rms)
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_information_and_step_are_those_of_the_linearised_cost(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    target, source = random_cloud(rng, 150), random_cloud(rng, 80)
+    options = AlignmentOptions(radius_start=0.5, radius_end=0.5, sigma=0.1, iterations=3)
+    out = single(target, source, rng.uniform(-0.5, 0.5, 3), options=options)
+    hessian, gradient, overlap, rms = cost_and_normal_equations(target, source, out.T_target_source[0], options)
+    np.testing.assert_allclose(out.information[0], hessian, rtol=1e-6, atol=1e-6 * np.abs(hessian).max())
+    np.testing.assert_allclose(out.step[0], -np.linalg.solve(hessian, gradient), rtol=1e-5, atol=1e-7)
+    assert out.overlap[0] == overlap > 0.1
+    assert out.rms[0] == pytest.approx(rms)
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_recovers_known_motions_to_millimetres(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    truth = np.array([*rng.uniform(-0.25, 0.25, 2), rng.uniform(-0.12, 0.12)])
+    target, source = cloud_of(ROOM, np.zeros(3), sigma=0.01, seed=seed), cloud_of(ROOM, truth, sigma=0.01, seed=99)
+    out = single(target, source, np.zeros(3))
+    error = se2.between(truth, out.T_target_source[0])
+    assert np.hypot(error[0], error[1]) < 0.004
+    assert abs(error[2]) < 0.001
+    assert out.overlap[0] > 0.9
+    assert 0.003 < out.rms[0] < 0.02
+    assert np.abs(out.step[0]).max() < 1e-3
+
+
+def test_without_noise_the_optimum_is_exact_on_plane_walls() -> None:
+    square = np.array([[[-3.0, -2.0], [3.0, -2.0]], [[3.0, -2.0], [3.0, 2.0]], [[3.0, 2.0], [-3.0, 2.0]],
+                       [[-3.0, 2.0], [-3.0, -2.0]]])
+    truth = np.array([0.11, -0.07, 0.05])
+    out = single(cloud_of(square, np.zeros(3)), cloud_of(square, truth), np.zeros(3))
+    np.testing.assert_allclose(out.T_target_source[0], truth, atol=2e-4)
+
+
+def test_corridor_is_weak_along_its_axis_and_strong_across() -> None:
+    at = np.array([0.0, 0.2, 0.3])
+    target, source = cloud_of(CORRIDOR, at, sigma=0.01), cloud_of(CORRIDOR, at, sigma=0.01, seed=5)
+    out = single(target, source, np.zeros(3))
+    along = np.array([np.cos(-0.3), np.sin(-0.3)])
+    across = np.array([-along[1], along[0]])
+    translation = out.information[0, :2, :2]
+    assert along @ translation @ along < 0.01 * (across @ translation @ across)
+    # and the estimate goes nowhere along the axis, where a prior alone decides
+    prior = np.diag([1e4, 1e4, 1e4])[None]
+    held = single(target, source, np.zeros(3), T_prior=np.array([[*0.05 * along, 0.0]]), prior_information=prior)
+    assert held.T_target_source[0, :2] @ along == pytest.approx(0.05, abs=0.02)
+    assert held.T_target_source[0, :2] @ across == pytest.approx(0.0, abs=0.003)
+
+
+def test_prior_alone_decides_where_nothing_overlaps() -> None:
+    far, near = cloud_of(ROOM, np.zeros(3)).transformed(np.array([500.0, 0.0, 0.0])), cloud_of(ROOM, np.zeros(3))
+    prior = np.array([0.02, -0.03, 0.01])
+    out = single(far, near, np.zeros(3), T_prior=prior[None], prior_information=np.diag([4.0, 9.0, 1.0])[None])
+    np.testing.assert_allclose(out.T_target_source[0], prior, atol=1e-6)
+    assert out.overlap[0] == out.rms[0] == 0.0
+    assert not out.information.any()
+    free = single(far, near, np.array([0.1, 0.2, 0.3]))
+    np.testing.assert_array_equal(free.T_target_source[0], [0.1, 0.2, 0.3])
+
+
+def test_prior_and_returns_are_weighed_by_their_information() -> None:
+    truth = np.array([0.05, -0.03, 0.02])
+    target, source = cloud_of(ROOM, np.zeros(3)), cloud_of(ROOM, truth)
+    data = single(target, source, np.zeros(3))
+    prior, information = truth + np.array([0.02, 0.02, 0.01]), 0.5 * data.information[0]
+    out = single(target, source, np.zeros(3), T_prior=prior[None], prior_information=information[None])
+    # at the optimum the pull of both is in balance: the step that the returns ask for, against the prior's residual
+    pose = out.T_target_source[0]
+    pull = out.information[0] @ out.step[0]
+    residual, (_, jacobian) = se2.local(prior, pose), se2.local_jacobians(prior, pose)
+    np.testing.assert_allclose(pull, jacobian.T @ information @ residual, rtol=1e-3, atol=1.0)
+    assert np.linalg.norm(pull) > 100.0
+
+
+@pytest.mark.parametrize("target", [EMPTY, random_cloud(np.random.default_rng(0), 1)])
+@pytest.mark.parametrize("source", [EMPTY, random_cloud(np.random.default_rng(0), 1)])
+def test_hardly_any_points(target: ScanPoints, source: ScanPoints) -> None:
+    start = np.array([0.01, 0.0, 0.02])
+    out = single(target, source, start)
+    assert all(np.isfinite(a).all() for a in (out.T_target_source, out.information, out.step, out.overlap, out.rms))
+    if not (len(target) and len(source)):
+        np.testing.assert_array_equal(out.T_target_source[0], start)
+        assert out.overlap[0] == 0.0
+
+
+def test_batch_is_its_pairs_whatever_the_threads() -> None:
+    rng = np.random.default_rng(1)
+    poses = np.column_stack([rng.uniform(-0.2, 0.2, (6, 2)), rng.uniform(-0.1, 0.1, 6)])
+    clouds = [cloud_of(ROOM, pose, sigma=0.01, seed=i) for i, pose in enumerate(poses)]
+    clouds[3] = EMPTY
+    indexed = join([index_cloud(c) for c in clouds])
+    pairs = np.array([(a, b) for a in range(6) for b in range(6)], dtype=np.int32)
+    start = np.zeros((36, 3))
+    one, *others = (align(indexed, indexed.as_sources(), pairs, start, threads=threads) for threads in (1, 2, 5, 64))
+    for other in others:
+        np.testing.assert_array_equal(other.T_target_source, one.T_target_source)
+        np.testing.assert_array_equal(other.information, one.information)
+    for row in (0, 8, 19, 35):
+        alone = single(clouds[pairs[row, 0]], clouds[pairs[row, 1]], np.zeros(3))
+        np.testing.assert_array_equal(alone.T_target_source[0], one.T_target_source[row])
+        assert alone.overlap[0] == one.overlap[row]
+    assert len(align(indexed, indexed.as_sources(), pairs[:0], start[:0]).rms) == 0
+
+
+def test_normals_keep_the_two_sides_of_a_wall_apart() -> None:
+    seen = cloud_of(np.array([[[1.0, -3.0], [1.0, 3.0]], [[-2.0, -3.0], [-2.0, 3.0]]]), np.zeros(3))
+    behind = ScanPoints(seen.points, -seen.normals, seen.along, seen.weights)
+    assert single(seen, seen, np.zeros(3)).overlap[0] == 1.0
+    assert single(seen, behind, np.zeros(3)).overlap[0] == 0.0

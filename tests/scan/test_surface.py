@@ -1,0 +1,123 @@
+"""Surface normals against their twin, and what cleaning a scan promises."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from clew import _native
+from clew.geometry import se2
+from clew.scan import CleaningOptions, LaserScan, concatenate, extract_points
+from scan.clouds import CORRIDOR, ROOM, T_ROBOT_SENSOR, random_cloud, scan_of
+from scan.twins import surface_normals
+
+OPTIONS = (64, 0.25, 0.06, 0.06)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_normals_agree_with_the_twin(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    scan = scan_of(ROOM, np.array([*rng.uniform(-1, 1, 2), rng.uniform(-3, 3)]), sigma=0.02, seed=seed)
+    beams = np.sort(rng.choice(361, 300, replace=False)).astype(np.int32)  # gaps of one, two and more beams
+    angles = scan.angles[beams]
+    points = scan.ranges[beams, None] * np.stack([np.cos(angles), np.sin(angles)], axis=1)
+    for options in (OPTIONS, (3, 0.25, 0.06, 0.06), (64, 1.5, 0.5, 0.1)):
+        normals, ratios, support = _native.scan.surface_normals(points, beams, *options)
+        expected = surface_normals(points, beams, *options)
+        np.testing.assert_array_equal(support, expected[2])
+        made = support > 0
+        assert made.sum() > 100
+        np.testing.assert_allclose(ratios[made], expected[1][made], atol=1e-5)
+        clear = made & (expected[1] < 0.9)  # a round neighbourhood has no direction of its own
+        np.testing.assert_allclose(normals[clear], expected[0][clear], atol=1e-5)
+        np.testing.assert_allclose(np.linalg.norm(normals[made], axis=1), 1.0)
+        assert np.all(np.sum(normals * points, axis=1) <= 1e-12)
+
+
+@pytest.mark.parametrize("count", [0, 1, 2])
+def test_normals_of_hardly_any_points(count: int) -> None:
+    points = np.array([[2.0, 0.0], [2.0, 0.05]])[:count]
+    normals, ratios, support = _native.scan.surface_normals(points, np.arange(count, dtype=np.int32), *OPTIONS)
+    assert (normals.shape, ratios.shape) == ((count, 2), (count,))
+    np.testing.assert_array_equal(support, [max(count - 1, 0)] * count)
+    if count == 2:
+        np.testing.assert_allclose(normals, [[-1.0, 0.0]] * 2, atol=1e-6)
+
+
+def test_returns_lie_on_the_walls_with_the_walls_normals() -> None:
+    cloud = extract_points(scan_of(CORRIDOR, np.array([0.0, 0.2, 0.4])))
+    world = cloud.transformed(np.array([0.0, 0.2, 0.4]))
+    np.testing.assert_allclose(np.abs(world.points[:, 1]), 1.2, atol=1e-9)
+    np.testing.assert_allclose(world.normals, np.stack([np.zeros(len(world)), -np.sign(world.points[:, 1])], axis=1),
+                               atol=1e-6)
+    assert not world.along.any()
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.lists(st.sampled_from([np.nan, np.inf, -np.inf, -1.0, 0.0, 0.01, 1.0, 1.02, 1.05, 2.0, 9.0, 29.0, 50.0]),
+                max_size=40), st.integers(0, 3))
+def test_any_ranges_make_a_sane_cloud(ranges: list[float], mounted: int) -> None:
+    scan = LaserScan(0.0, np.array(ranges), -1.0, 0.01, 0.05, 30.0, mounted * T_ROBOT_SENSOR)
+    cloud = extract_points(scan)
+    assert len(cloud) <= sum(0.05 <= r <= 30.0 for r in ranges)
+    sensor = se2.act(se2.inverse(scan.T_robot_sensor), cloud.points)
+    distance = np.hypot(*sensor.T)
+    assert np.all((distance >= 0.05 - 1e-9) & (distance <= 30.0 + 1e-9))
+    np.testing.assert_allclose(np.linalg.norm(cloud.normals, axis=1), 1.0)
+    assert np.all(np.sum(cloud.normals * (cloud.points - scan.T_robot_sensor[:2]), axis=1) <= 1e-9)
+    assert np.all((cloud.weights > 0) & (cloud.weights <= 1))
+    assert np.all((cloud.along >= 0) & (cloud.along <= 1))
+
+
+def test_isolated_returns_and_far_ones_are_left_out() -> None:
+    ranges = np.full(50, np.inf)
+    ranges[10:20] = 2.0
+    ranges[30] = 2.0  # alone
+    ranges[35:38] = [5.0, 2.0, 5.0]  # each alone: the step to the next is no surface
+    ranges[40:45] = 25.0
+    scan = LaserScan(0.0, ranges, 0.0, 0.01, 0.05, 30.0)
+    assert len(extract_points(scan)) == 10 + 5
+    assert len(extract_points(scan, CleaningOptions(range_limit=20.0))) == 10
+    assert len(extract_points(replace(scan, range_max=4.0))) == 10
+    assert len(extract_points(replace(scan, range_min=3.0))) == 2 + 5
+    assert len(extract_points(replace(scan, ranges=np.full(50, np.inf)))) == 0
+
+
+def test_laser_mounted_anywhere_sees_the_same_world() -> None:
+    T_world_sensor = np.array([0.3, -0.4, 0.9])
+    at_sensor = extract_points(scan_of(ROOM, T_world_sensor))
+    mounted = extract_points(scan_of(ROOM, T_world_sensor, mounted=T_ROBOT_SENSOR))
+    back = mounted.transformed(se2.inverse(T_ROBOT_SENSOR))
+    np.testing.assert_allclose(back.points, at_sensor.points, atol=1e-12)
+    np.testing.assert_allclose(back.normals, at_sensor.normals, atol=1e-12)
+    assert np.hypot(*(mounted.points[0] - at_sensor.points[0])) > 0.05
+
+
+def test_laser_upside_down_sees_the_same_world() -> None:
+    scan = scan_of(ROOM, np.zeros(3))
+    flipped = replace(scan, ranges=scan.ranges[::-1].copy(), angle_min=-scan.angle_min,
+                      angle_increment=-scan.angle_increment)
+    a, b = extract_points(scan), extract_points(flipped)
+    np.testing.assert_allclose(b.points[::-1], a.points, atol=1e-12)
+    np.testing.assert_allclose(b.normals[::-1], a.normals, atol=1e-6)
+
+
+def test_dense_returns_share_their_weight() -> None:
+    near, far = (scan_of(ROOM * scale, np.zeros(3)) for scale in (0.3, 3.0))
+    assert np.median(extract_points(near).weights) < 0.5 < np.median(extract_points(far).weights)
+
+
+def test_transformed_is_a_group_action() -> None:
+    rng = np.random.default_rng(0)
+    cloud, (a, b) = random_cloud(rng, 30), rng.uniform(-3, 3, (2, 3))
+    twice, once = cloud.transformed(b).transformed(a), cloud.transformed(se2.compose(a, b))
+    np.testing.assert_allclose(twice.points, once.points, atol=1e-12)
+    np.testing.assert_allclose(twice.normals, once.normals, atol=1e-12)
+    np.testing.assert_allclose(once.points, se2.act(se2.compose(a, b), cloud.points), atol=1e-12)
+    both = concatenate([cloud, once])
+    assert len(both) == 60
+    np.testing.assert_array_equal(both.along, np.concatenate([cloud.along, cloud.along]))

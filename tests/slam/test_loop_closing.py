@@ -1,0 +1,73 @@
+"""What becomes of closures that are wrong."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from clew.geometry import se2
+from clew.place import Closure, Verdict
+from clew.slam import Slam
+from slam.drives import errors, mapped, measurements, round_trip, truth_of
+
+
+def half_way() -> Slam:
+    """The drive until the first closures are in."""
+    slam, log, k = Slam(), round_trip(), 0
+    while len(slam.closures) < 5:
+        for measurement in measurements(log, k, k + 1):
+            slam.add(measurement)
+        k += 1
+    return slam
+
+
+@pytest.mark.parametrize("miss", [(1.0, 0.0, 0.0), (0.0, -0.8, 0.4), (0.3, 2.0, 1.5)])
+def test_planted_wrong_closure_is_withdrawn_and_the_map_stays_whole(miss: tuple[float, ...]) -> None:
+    slam, log = half_way(), round_trip()
+    closer = slam._closer
+    right = closer.accepted[-1]
+    wrong = replace(right, target=right.target + 3, T_target_source=se2.compose(right.T_target_source, np.array(miss)))
+    closer._accept(wrong)
+    assert len(closer.accepted) >= 6
+    for measurement in measurements(log, slam.scan_count, log.scan_count):
+        slam.add(measurement)
+    withdrawn = [c for c in slam.rejected_closures if c.verdict is Verdict.WITHDRAWN]
+    assert [(c.source, c.target) for c in withdrawn] == [(wrong.source, wrong.target)]
+    assert (wrong.source, wrong.target) not in {(c.source, c.target) for c in slam.closures}
+    assert errors(slam.trajectory.T_world_robot, truth_of(log))[0].max() < 0.1
+
+
+def test_contradictory_proposals_of_one_attempt_are_ambiguous() -> None:
+    slam = half_way()
+    closer, right = slam._closer, slam.closures[-1]
+    waiting = replace(right, verdict=Verdict.WAITING)
+    elsewhere = replace(waiting, T_target_source=se2.compose(right.T_target_source, np.array([1.5, 0.0, 0.0])))
+    before = len(slam.closures)
+    assert not closer._decide([waiting, elsewhere])
+    assert len(slam.closures) == before
+    assert [c.verdict for c in closer._rejected[-2:]] == [Verdict.AMBIGUOUS] * 2
+
+
+def test_a_closure_that_moves_the_robot_far_waits_for_others_and_expires_alone() -> None:
+    slam, log = half_way(), round_trip()
+    closer, right = slam._closer, slam.closures[-1]
+    far = replace(right, verdict=Verdict.WAITING, innovation=(2.0, 0.3), target=right.target + 1,
+                  T_target_source=se2.compose(right.T_target_source, np.array([2.0, 0.0, 0.3])))
+    assert not closer._decide([far])
+    assert closer.rejected[-1].verdict is Verdict.WAITING
+    for measurement in measurements(log, slam.scan_count, log.scan_count):
+        slam.add(measurement)
+    same = [c for c in slam.rejected_closures if (c.source, c.target) == (far.source, far.target)]
+    assert [c.verdict for c in same] == [Verdict.ALONE]
+
+
+def test_every_candidate_is_told_of_once() -> None:
+    slam = mapped(round_trip())
+    told: list[Closure] = [*slam.closures, *slam.rejected_closures]
+    pairs = [(c.source, c.target) for c in told]
+    assert len(set(pairs)) == len(pairs)
+    assert all(c.verdict is not Verdict.WAITING or c.source >= len(slam.keyframes) - 20 for c in told)
+    for c in told:
+        assert slam.keyframes.timestamps[c.source] > slam.keyframes.timestamps[c.target]

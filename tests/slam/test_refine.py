@@ -1,0 +1,83 @@
+"""Joint refinement, and the pairs that it ties together."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from clew.geometry import SE2
+from clew.graph import Role
+from clew.slam.pose_graph import chi2
+from clew.slam.refine import RECENT, overlapping_pairs
+from clew.solve import optimize
+from slam.drives import errors, mapped, outing, round_trip, truth_of
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.integers(0, 10_000), st.integers(1, 60), st.floats(0.2, 5.0), st.integers(2, 14))
+def test_pairs_are_near_unique_and_the_nearest_of_one_of_both(seed: int, count: int, radius: float,
+                                                              neighbours: int) -> None:
+    poses = np.random.default_rng(seed).uniform(-3, 3, (count, 3))
+    pairs = overlapping_pairs(poses, radius, neighbours)
+    distance = np.linalg.norm(poses[:, None, :2] - poses[None, :, :2], axis=2)
+    assert pairs.shape[1:] == (2,)
+    assert np.all(pairs[:, 0] < pairs[:, 1])
+    assert len(np.unique(pairs, axis=0)) == len(pairs)
+    assert np.all(distance[pairs[:, 0], pairs[:, 1]] <= radius)
+    assert len(pairs) <= (neighbours + 4) * count
+    expected = set()
+    for k in range(count):  # each keyframe asks its older ones and its later ones for their nearest
+        for others in (range(k), range(k + 1, count)):
+            near = [j for j in others if distance[k, j] <= radius]
+            for chosen, limit in (([j for j in near if abs(j - k) <= RECENT], neighbours // 3),
+                                  ([j for j in near if abs(j - k) > RECENT], neighbours - neighbours // 3)):
+                nearest = sorted(chosen, key=lambda j: distance[k, j])[: (limit + 1) // 2]
+                expected |= {(min(j, k), max(j, k)) for j in nearest}
+    assert set(map(tuple, pairs.tolist())) == expected
+
+
+def test_far_apart_keyframes_have_no_pairs() -> None:
+    assert overlapping_pairs(np.arange(30.0).reshape(10, 3) * 10, 4.0, 12).shape == (0, 2)
+    assert overlapping_pairs(np.zeros((1, 3)), 4.0, 12).shape == (0, 2)
+
+
+def test_refined_graph_is_at_its_optimum_and_ties_the_rounds_together() -> None:
+    slam = mapped(round_trip(), refine=True)
+    poses = slam.keyframes.T_world_robot
+    again = optimize(slam.graph, init="file")
+    np.testing.assert_allclose(again.values(SE2).array, poses, atol=1e-4)
+    loops = [b for b in slam.graph.blocks() if b.role is Role.LOOP]
+    keys = np.concatenate([b.keys for b in loops])
+    assert np.count_nonzero(keys[:, 1] - keys[:, 0] > RECENT) > len(keys) / 4
+    assert slam.chi2 == pytest.approx(chi2(slam.graph))
+    np.testing.assert_array_equal(slam.graph.values(SE2).array, poses)
+    assert next(iter(slam.graph.variables())).constant.sum() == 1
+
+
+def test_refining_pulls_a_bent_map_straight() -> None:
+    """Keyframes shaken by centimetres come back to where their scans fit."""
+    log = round_trip()
+    slam = mapped(log)
+    straight = slam.keyframes.T_world_robot
+    shaken = straight + np.random.default_rng(0).normal(0, [0.03, 0.03, 0.005], straight.shape)
+    shaken[0] = straight[0]
+    slam._pose_graph.set_poses(shaken)
+    from clew.slam.refine import refine
+
+    refined = np.asarray(refine(slam._keyframes, slam._pose_graph.graph, slam.config).values(SE2).array)
+    assert errors(refined, straight)[0].max() < 0.03
+    assert errors(shaken, straight)[0].max() > 0.06
+
+
+def test_rounds_are_reported_and_a_second_refinement_moves_little() -> None:
+    log = outing("office")
+    slam, seen = mapped(log), list[tuple[int, int]]()
+    slam.refine(lambda done, most: seen.append((done, most)))
+    assert [done for done, _ in seen] == list(range(1, len(seen) + 1))
+    assert all(done <= most == slam.config.refinement.rounds for done, most in seen)
+    first = slam.trajectory.T_world_robot
+    slam.refine()
+    assert np.abs(slam.trajectory.T_world_robot - first).max() < 0.02
+    assert errors(slam.trajectory.T_world_robot, truth_of(log))[0].max() < 0.1
