@@ -106,7 +106,9 @@ def _distance(z, predicted, joint, noise, rows, picked) -> float:  # type: ignor
 
 def _admissible(z, predicted, joint, noise, rows, picked) -> bool:  # type: ignore[no-untyped-def]  # test helper
     """Each pair passes its own gate, and each prefix the joint one."""
-    singles = all(_distance(z, predicted, joint, noise, [r], [j]) <= GATES.known for r, j in zip(rows, picked, strict=True))
+    singles = all(
+        _distance(z, predicted, joint, noise, [r], [j]) <= GATES.known for r, j in zip(rows, picked, strict=True)
+    )
     probability = 1.0 - np.exp(-GATES.known / 2.0)
     return singles and all(
         _distance(z, predicted, joint, noise, rows[:k], picked[:k]) <= chi_square_limit(probability, 2 * k)

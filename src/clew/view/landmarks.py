@@ -75,7 +75,8 @@ def save_landmarks_png(
         Line2D([], [], color=_PATHS[n % len(_PATHS)], linewidth=1.8, label=name) for n, (name, _) in enumerate(paths)
     ]
     handles.append(
-        Line2D([], [], linestyle="none", marker="^", markersize=6, color=LANDMARK, label=counted(len(landmarks), "landmark"))
+        Line2D([], [], linestyle="none", marker="^", markersize=6, color=LANDMARK,
+               label=counted(len(landmarks), "landmark"))
     )
     handles.append(Line2D([], [], color=UNCERTAINTY, linewidth=1.2, label="95 % ellipses"))
     columns = max(1, (width - 2 * MARGIN - _BAR) // _COLUMN)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from clew.errors import InputError
 from clew.factors import Between, PointObservation
 from clew.geometry import SE2, Point2, se2
-from clew.graph import FactorGraph
+from clew.graph import FactorGraph, Role
 from clew.noise import information_from_covariance, information_from_matrix
 from clew.place import NEW, Gates, joint_compatibility, nearest_neighbour
 from clew.slam.landmarks.filter import LandmarkFilter
@@ -23,7 +23,7 @@ Indices = NDArray[np.int64]
 
 #: Redundant measurements before their residuals tell the variance of unit weight, and limits of that.
 _ENOUGH = 50
-_SMALLEST_UNIT, _LARGEST_UNIT = 0.01, 2.0
+_SMALLEST_UNIT, _LARGEST_UNIT = 0.06, 2.0
 
 
 @dataclass(frozen=True)
@@ -37,7 +37,7 @@ class AssociationConfig:
         fewest_sightings: a landmark that was seen less often when the log ends was none, and is removed.
     """
 
-    gates: Gates = Gates()
+    gates: Gates = field(default_factory=Gates)
     joint: bool = True
     solve_every: int = 200
     fewest_sightings: int = 1
@@ -70,7 +70,7 @@ class LandmarkMapper:
 
     def move(self, key: int, motion: Array, information: Array) -> None:
         """Go on to a new pose with the given key by a motion ``(3,)`` with information ``(3, 3)``."""
-        self._filter.move(motion, self._unit * np.linalg.inv(information))
+        self._filter.move(motion, np.asarray(self._unit * np.linalg.inv(information), np.float64))
         self._steps.append((self._pose, key, motion, information))
         self._fresh_poses.append((key, self._filter.pose))
         self._pose = key
@@ -87,8 +87,10 @@ class LandmarkMapper:
         z = np.atleast_2d(np.asarray(points, np.float64))
         if z.ndim != 2 or z.shape[1] != 2 or not np.isfinite(z).all():
             raise InputError(f"see: sightings must be finite and (M, 2), got shape {z.shape}")
-        noise = np.linalg.inv(information_from_matrix(information, len(z), 2, "see: information"))
-        keys = self._associate(z, self._unit * noise)
+        noise = np.asarray(
+            np.linalg.inv(information_from_matrix(information, len(z), 2, "see: information")), np.float64
+        )
+        keys = self._associate(z, np.asarray(self._unit * noise, np.float64))
         for row, key in enumerate(keys.tolist()):
             self._seen.append((self._pose, z[row], noise[row]))
             self._landmark.append(key)
@@ -175,7 +177,7 @@ class LandmarkMapper:
 
     def _write_sightings(self) -> None:
         """Replace the sightings in the graph by the associations as they are now."""
-        old = list(self.graph.block_ids("observation"))
+        old = list(self.graph.block_ids(Role.OBSERVATION))
         if old:
             self.graph.remove(np.concatenate(old))
         landmark = np.array(self._landmark, np.int64)

@@ -88,7 +88,7 @@ class SensorModel:
     """
 
     calibration: Calibration = Calibration()
-    motion: VelocityNoise = VelocityNoise(0.1, 0.05, 0.1, 0.2, 0.003, 0.003)
+    motion: VelocityNoise = field(default_factory=lambda: VelocityNoise(0.1, 0.05, 0.1, 0.2, 0.003, 0.003))
     landmarks: SightingNoise = SightingNoise()
     robots: SightingNoise = field(default_factory=SightingNoise)
 
@@ -103,4 +103,4 @@ class SensorModel:
             for mine, its in ((self.motion, other.motion), (self.landmarks, other.landmarks))
             for f in fields(mine)
         ]
-        return max(abs(b - a) / max(a, b, 1e-4) for a, b in pairs)
+        return max(float(abs(b - a) / max(a, b, 1e-4)) for a, b in pairs)

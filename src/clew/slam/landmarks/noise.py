@@ -65,7 +65,8 @@ def repeats(seen: Sightings, error: Array) -> float:
     """How many sightings of one thing in quick succession carry the information of one independent sighting.
 
     With a correlation ``r`` from each error ``(K,)`` to the next (a first-order process) the mean of many has the
-    variance of independent ones times ``(1 + r) / (1 - r)``: Box, Jenkins, Reinsel, "Time series analysis", section 2.1.5.
+    variance of independent ones times ``(1 + r) / (1 - r)``: Box, Jenkins, Reinsel, "Time series analysis",
+    section 2.1.5.
     """
     order = np.lexsort((seen.timestamp, seen.identity))
     identity, stamp, ordered = seen.identity[order], seen.timestamp[order], error[order]

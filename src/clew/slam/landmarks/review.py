@@ -19,7 +19,9 @@ _ESTABLISHED = 3  # sightings
 _PREFERRED = 2.5  # how much further than the gate a sighting may be from an established landmark
 
 
-def merge_landmarks(solution: Solution, pose: Indices, noise: Array, landmark: Indices, gates: Gates, unit: float) -> Indices:
+def merge_landmarks(
+    solution: Solution, pose: Indices, noise: Array, landmark: Indices, gates: Gates, unit: float
+) -> Indices:
     """Associations ``(K,)`` after landmarks that prove to be one have become one.
 
     Two are one if they are within the gate of each other in their joint covariance, or nearer than chance would have
@@ -28,7 +30,7 @@ def merge_landmarks(solution: Solution, pose: Indices, noise: Array, landmark: I
     """
     keys = np.unique(landmark[landmark >= 0])
     if len(keys) < 2:
-        return landmark.copy()
+        return np.array(landmark, np.int64)
     points = _points(solution, keys)
     spread = np.sqrt(unit * np.trace(solution.covariances(Point2), axis1=1, axis2=2).max())
     blur = unit * float(np.median(np.trace(noise, axis1=1, axis2=2))) / 2.0  # variance of a sighting in any direction
@@ -57,7 +59,7 @@ def merge_landmarks(solution: Solution, pose: Indices, noise: Array, landmark: I
         kept, gone = (first, second) if counts[first] >= counts[second] else (second, first)
         into[gone] = kept
         seen_from[kept] |= seen_from[gone]
-    out = landmark.copy()
+    out: Indices = np.array(landmark, np.int64)
     for gone, kept in into.items():
         while kept in into:
             kept = into[kept]
@@ -77,7 +79,7 @@ def reassign(
     """
     keys, counts = np.unique(landmark[landmark >= 0], return_counts=True)
     if not len(keys):
-        return landmark.copy(), np.flatnonzero(landmark < 0)
+        return np.array(landmark, np.int64), np.flatnonzero(landmark < 0)
     points = _points(solution, keys)
     poses = solution.values(solution.kinds[0]).array
     pose_keys = solution.keys()
@@ -107,7 +109,7 @@ def _exclusive(pose: Indices, after: Indices, before: Indices) -> Indices:
     order = np.lexsort((after, pose))
     twice = (np.diff(pose[order]) == 0) & (np.diff(after[order]) == 0) & (after[order][1:] >= 0)
     clash = np.unique(pose[order][1:][twice])
-    out = after.copy()
+    out: Indices = np.array(after, np.int64)
     back = np.isin(pose, clash)
     out[back] = before[back]
     return out

@@ -140,7 +140,8 @@ class RobotTrack:
         )
         ranges, bearings = (
             factor(keys, target, [parameters[k] for k in points], measured, f1, f2, sees=sees,
-                   sigmas=scale * np.sqrt(repeats * TAIL / (TAIL + 1.0)), kernel=Cauchy(np.sqrt((TAIL + 1.0) / repeats)))
+                   sigmas=scale * np.sqrt(repeats * TAIL / (TAIL + 1.0)),
+                   kernel=Cauchy(np.sqrt((TAIL + 1.0) / repeats)))
             for factor, points, measured, scale, repeats in parts
         )  # fmt: skip
         return ranges, bearings
@@ -180,7 +181,9 @@ def _make_track(log: SightingLog, mates: Mapping[int, Sightings]) -> RobotTrack:
     by_others = [other.timestamp[other.identity == log.robot] for other in mates.values()]
     stamps = np.unique(np.concatenate([seen.timestamp, own.timestamp, *by_others]))
     if len(stamps) < 2:
-        raise InputError(f"{log.path}: robot {log.robot} saw something at {len(stamps)} moments only; there is no map in that")
+        raise InputError(
+            f"{log.path}: robot {log.robot} saw something at {len(stamps)} moments only; there is no map in that"
+        )
     parts = np.maximum(np.ceil(np.diff(stamps) / _LONGEST_STRETCH), 1).astype(np.int64)
     start = np.repeat(np.arange(len(parts)), parts)
     share = (np.arange(len(start)) - np.repeat(np.cumsum(parts) - parts, parts)) / parts[start]
