@@ -60,18 +60,17 @@ def _measure(poses: int, queue: multiprocessing.Queue[tuple[float, ...]]) -> Non
     import clew
 
     graph = manhattan(poses)
-    before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     start = time.perf_counter()
     solution = clew.optimize(graph)
     spent = time.perf_counter() - start
-    after = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     queue.put((graph.factor_count, spent, solution.iterations, spent / max(1, solution.iterations),
-               (after - before) / 1024, float(solution.status.ok), solution.chi2))
+               peak / 1024, float(solution.status.ok), solution.chi2))
 
 
 def scaling(sizes: list[int]) -> list[str]:
     """Rows of a Markdown table: one size a row, each measured in a process of its own."""
-    lines = ["| poses | edges | default solve, s | iterations | s / iteration | memory, MB | chi2 / edge |",
+    lines = ["| poses | edges | default solve, s | iterations | s / iteration | peak memory of the process, MB | chi2 / edge |",
              "| --- | --- | --- | --- | --- | --- | --- |"]
     context = multiprocessing.get_context("spawn")
     for poses in sizes:

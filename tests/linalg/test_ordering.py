@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from clew import _native
-from clew.errors import MissingDependencyError
+from clew.errors import InputError, MissingDependencyError
 from clew.linalg import BlockPattern, analyse
 from linalg.dense_twin import grid, patterns
 
@@ -102,3 +102,18 @@ def test_an_order_that_is_no_permutation_is_refused() -> None:
     for order in ([0, 1, 2], [0, 1, 2, 2], [0, 1, 2, 4], [0, 1, 2, -1]):
         with pytest.raises(ValueError, match="permutation"):
             _native.linalg.Symbolic(analysis, np.array(order, dtype=np.int32))
+
+
+def test_an_order_that_is_known_already_is_used() -> None:
+    pattern = grid(5)
+    known = analyse(pattern, ordering="amd")
+    again = analyse(pattern, ordering="amd", order=known.permutation)
+    assert (again.flops, again.ordering) == (known.flops, "amd")
+    shuffled = np.random.default_rng(1).permutation(25)
+    other = analyse(pattern, ordering="mine", order=shuffled)
+    assert other.ordering == "mine"
+    assert analysis_of(pattern).flops(other.permutation.astype(np.int32)) == pytest.approx(
+        eliminated(pattern, shuffled.astype(np.int32))[0]
+    )
+    with pytest.raises(InputError, match="permutation"):
+        analyse(pattern, order=np.zeros(25))

@@ -102,7 +102,9 @@ class SymbolicFactor:
         return changed
 
 
-def analyse(pattern: BlockPattern, *, ordering: str = "auto", threads: int = 1) -> SymbolicFactor:
+def analyse(
+    pattern: BlockPattern, *, ordering: str = "auto", threads: int = 1, order: ArrayLike | None = None
+) -> SymbolicFactor:
     """Symbolic analysis of a pattern: elimination order, fronts, and a plan for assembling them.
 
     Args:
@@ -110,16 +112,22 @@ def analyse(pattern: BlockPattern, *, ordering: str = "auto", threads: int = 1) 
         ordering: "amd" (approximate minimum degree), "metis" (nested dissection, needs pymetis), "natural"
             (the order of the variables), or "auto": the better of the first two by predicted work.
         threads: how many threads a factorisation may use; results do not depend on it.
+        order: ``(n,)`` the variables in an order of elimination that is known already; `ordering` is its name.
 
     Raises:
-        InputError: an unknown ordering, fewer than one thread, or arrays that are no pattern.
+        InputError: an unknown ordering, an order that is no permutation, fewer than one thread, or arrays that are no
+            pattern.
         MissingDependencyError: "metis" without pymetis.
     """
     if threads < 1:
         raise InputError(f"threads is {threads}; it must be at least 1")
     try:
         analysis = _native.linalg.Analysis(pattern.sizes, pattern.rows, pattern.cols, pattern.offsets)
+        if order is None:
+            chosen, ordering = choose_order(analysis, pattern.sizes.size, ordering)
+        else:
+            chosen = np.ascontiguousarray(order, dtype=np.int32)
+        symbolic = _native.linalg.Symbolic(analysis, chosen)
     except ValueError as error:
         raise InputError(str(error)) from None
-    order, name = choose_order(analysis, pattern.sizes.size, ordering)
-    return SymbolicFactor(pattern, _native.linalg.Symbolic(analysis, order), name, threads)
+    return SymbolicFactor(pattern, symbolic, ordering, threads)

@@ -112,6 +112,8 @@ def find_gauge(graph: FactorGraph) -> Gauge:
     for table in tables:  # a constant variable sees every motion that moves it
         mine = rank[base[table.kind] : base[table.kind] + len(table.keys)]
         constant = np.flatnonzero(table.constant)
+        if not len(constant):
+            continue
         motion = _motions(table.kind, table.values[constant], origin[component[mine[constant]]])
         np.add.at(seen, component[mine[constant]], _pad(np.swapaxes(motion, 1, 2) @ motion))
     for block, node in zip(blocks, nodes, strict=True):

@@ -41,7 +41,7 @@ def initial_guess(problem: Problem, current: Values, init: str, robust: Kernel |
     found = relations(problem, current)
     guesses: dict[str, Callable[[Relations], Array | None]] = {
         "tree": lambda r: tree_guess(r, robust is not None),
-        "rotation": lambda r: rotation_guess(r, problem.ordering, problem.threads),
+        "rotation": lambda r: rotation_guess(problem, r),
     }
     candidates = []
     for name, guess in guesses.items():

@@ -15,13 +15,17 @@ from clew import _native
 from clew.geometry import so2, so3
 from clew.linalg import BlockPattern, FactorStatus, SymbolicFactor, analyse
 from clew.solve.plan import pattern_of, scatter_plan
+from clew.solve.problem import Problem
 from clew.solve.relations import Relations
 
 Array = NDArray[np.float64]
 
 
-def rotation_guess(relations: Relations, ordering: str, threads: int) -> Array | None:
-    """Poses ``(N, storage)``, or None if some pose hangs on no known one."""
+def rotation_guess(problem: Problem, relations: Relations) -> Array | None:
+    """Poses ``(N, storage)``, or None if some pose hangs on no known one.
+
+    The poses are eliminated in the order that was found for the whole problem.
+    """
     space = relations.kind.space
     columns = np.zeros(len(relations.start), np.int32)
     columns[relations.known] = -1
@@ -31,7 +35,13 @@ def rotation_guess(relations: Relations, ordering: str, threads: int) -> Array |
     if not pattern.dim:
         known: Array = relations.start.copy()
         return known
-    system = _Linear(relations, columns, pairs, pattern, analyse(pattern, ordering=ordering, threads=threads))
+    eliminated = problem.symbolic.permutation
+    eliminated = eliminated[problem.table_of[eliminated] == relations.table]
+    order = columns[problem.row_of[eliminated]]
+    symbolic = analyse(
+        pattern, ordering=problem.symbolic.ordering, threads=problem.threads, order=order[order >= 0]
+    )
+    system = _Linear(relations, columns, pairs, pattern, symbolic)
     rotations = _rotations(relations, system)
     if rotations is None:
         return None
