@@ -4,6 +4,7 @@
     python benchmarks/lidar.py intel --output out    # one of them; everything that the runs wrote is kept in out/
     python benchmarks/lidar.py --simulated           # worlds with known truth
     python benchmarks/lidar.py --simulated office loop --seeds 1 2 3
+    python benchmarks/lidar.py --simulated office --people 10 --doors
 
 Real logs are measured by relations between reference poses that are close to each other
 (`clew.evaluate.relations_from_reference`): successive ones, and revisits after 10 m of way or more. The reference is
@@ -27,6 +28,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import cKDTree
 
 from clew.cli.self_evaluation import SelfEvaluation, evaluate_self, in_plane
 from clew.evaluate import (
@@ -39,6 +41,7 @@ from clew.evaluate import (
 )
 from clew.geometry import se2
 from clew.io import open_log, read_tum
+from clew.mapping import moving_returns
 from clew.sim import KINDS, SimulatedLog, simulate_kind, write_carmen
 
 Array = NDArray[np.float64]
@@ -165,14 +168,45 @@ def real_logs(names: list[str], data: Path, output: Path) -> None:
                  "revisits: deg", *SELF_COLUMNS, *RUN_COLUMNS], rows)
 
 
-def simulated_logs(kinds: list[str], seeds: list[int], duration: float, people: int, output: Path) -> None:
+def moving_found(folder: Path, log: SimulatedLog) -> tuple[float, float, float]:
+    """Shares of the returns of people, of doors that are not open, and of what stays, that count as moving.
+
+    At the poses of the run. A leaf that stands wide open, as doors mostly do here, is part of the building.
+    """
+    poses, known = poses_at(*read_tum(folder / "trajectory.tum"), log.timestamps, 1e-3)
+    rows = np.flatnonzero(known)
+    found = np.stack(moving_returns([log.scan(int(i)) for i in rows], in_plane(poses[rows])))
+    door, moving, returned = log.door[rows], log.moving[rows], np.isfinite(log.ranges[rows])
+    scan, beam = np.nonzero(door)
+    T_world_sensor = se2.compose(log.T_world_robot[rows[scan]], np.array(log.laser.T_robot_sensor))
+    heading = T_world_sensor[:, 2] + log.laser.angles[beam]
+    direction = np.stack([np.cos(heading), np.sin(heading)], axis=1)
+    points = T_world_sensor[:, :2] + log.ranges[rows[scan], beam][:, None] * direction
+    nearest = np.zeros(0, np.int64) if not len(scan) else cKDTree(log.world.doors[:, 0]).query(points)[1]
+    not_open = log.door_share[rows[scan], nearest] < 0.9
+    kinds = (found[moving & ~door], found[scan[not_open], beam[not_open]], found[returned & ~moving])
+    people, doors, still = (float(kind.mean()) if len(kind) else float("nan") for kind in kinds)
+    return people, doors, still
+
+
+MOVING_COLUMNS = ["people found: %", "doors found: %", "still removed: %"]
+
+
+def moving_cells(folder: Path, log: SimulatedLog) -> list[str]:
+    """Shares of `moving_found` in percent, a dash where there is none of a kind."""
+    return ["-" if np.isnan(share) else f"{100 * share:.2f}" for share in moving_found(folder, log)]
+
+
+def simulated_logs(
+    kinds: list[str], seeds: list[int], duration: float, people: int, doors: bool, output: Path
+) -> None:
     """Print the table of simulated worlds."""
     rows = []
     for kind in kinds:
         for seed in seeds:
             folder = output / f"{kind}-{seed}"
             folder.mkdir(parents=True, exist_ok=True)
-            log = simulate_kind(kind, seed, duration=duration, people=people)
+            log = simulate_kind(kind, seed, duration=duration, people=people, doors=doors)
             write_carmen(log, folder / "simulated.log")
             run = run_clew(folder / "simulated.log", folder)
             truth = (log.timestamps, log.T_world_robot)
@@ -182,9 +216,9 @@ def simulated_logs(kinds: list[str], seeds: list[int], duration: float, people: 
             rows.append([f"{kind} {seed}", f"{error.used}" + f" ({error.unused} unused)" * bool(error.unused),
                          f"{reckoned.translation.rmse:.2f}", f"{error.translation.rmse:.4f}",
                          f"{error.translation.max:.3f}", f"{np.degrees(error.rotation.rmse):.3f}",
-                         f"{right} / {closures}", *run.cells])
-    print_table(["world", "poses", "odometry: ATE m", "ATE m", "ATE max m", "ATE deg", "right closures", *RUN_COLUMNS],
-                rows)
+                         f"{right} / {closures}", *moving_cells(folder, log), *run.cells])
+    print_table(["world", "poses", "odometry: ATE m", "ATE m", "ATE max m", "ATE deg", "right closures",
+                 *MOVING_COLUMNS, *RUN_COLUMNS], rows)
 
 
 def main() -> None:
@@ -197,6 +231,7 @@ def main() -> None:
     parser.add_argument("--seeds", type=int, nargs="+", default=[1, 2], help="of the simulated worlds")
     parser.add_argument("--duration", type=float, default=400.0, help="of the simulated drives, seconds")
     parser.add_argument("--people", type=int, default=0, help="who walk through the simulated worlds")
+    parser.add_argument("--doors", action="store_true", help="doors of the simulated offices open and close")
     options = parser.parse_args()
     available = KINDS if options.simulated else LOGS
     names = options.names or list(available)
@@ -205,7 +240,7 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as temporary:
         output = options.output or Path(temporary)
         if options.simulated:
-            simulated_logs(names, options.seeds, options.duration, options.people, output)
+            simulated_logs(names, options.seeds, options.duration, options.people, options.doors, output)
         else:
             real_logs(names, options.data, output)
 

@@ -11,8 +11,12 @@ import typer
 from typer.testing import CliRunner
 
 from clew.cli.evaluate import evaluate
+from clew.cli.self_evaluation import in_plane, measure_pairs
 from clew.errors import InputError
-from clew.io import write_tum
+from clew.geometry import se2
+from clew.io import open_log, read_tum, write_tum
+from clew.scan import LaserScan, extract_points, index_cloud, join
+from clew.sim import Drive, LaserModel, OdometryModel, hall, simulate, write_carmen
 
 
 @pytest.fixture
@@ -75,3 +79,66 @@ def test_bad_requests_are_one_clear_line(app: typer.Typer, files: Path, monkeypa
     with pytest.raises(InputError, match=message) as caught:
         run(app, "estimate.tum", *options)
     assert "\n" not in str(caught.value)
+
+
+# --- --self ---------------------------------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def laps(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Two laps in a hall, recorded; the true trajectory, and one whose second lap is 3 cm and 0.5 degrees off."""
+    folder = tmp_path_factory.mktemp("laps")
+    angle = 2 * np.pi * np.arange(160) / 80
+    poses = np.column_stack([20 + 5 * np.cos(angle), 15 + 5 * np.sin(angle), angle + np.pi / 2])
+    driven = Drive(0.5 * np.arange(160.0), se2.canonical(poses))
+    log = simulate(hall(1), driven, LaserModel(beams=181), OdometryModel.medium(), 1)
+    write_carmen(log, folder / "laps.log")
+    write_tum(folder / "true.tum", log.timestamps, log.T_world_robot)
+    off = log.T_world_robot.copy()
+    off[80:] = se2.compose(off[80:], np.array([0.03, 0.0, np.radians(0.5)]))
+    write_tum(folder / "off.tum", log.timestamps, off)
+    return folder
+
+
+@pytest.mark.parametrize(("name", "metres", "degrees"), [("true", 0.0, 0.0), ("off", 0.03, 0.5)])
+def test_self_measures_the_error_between_laps(
+    app: typer.Typer, laps: Path, name: str, metres: float, degrees: float
+) -> None:
+    report = json.loads(run(app, laps / f"{name}.tum", "--self", laps / "laps.log", "--json"))["self"]
+    assert report["pairs"]["used"] > 40
+    assert report["pairs"]["translation_m"]["median"] == pytest.approx(metres, abs=0.005)
+    assert report["pairs"]["rotation_deg"]["median"] == pytest.approx(degrees, abs=0.08)
+    assert report["alignment_disagreement_m"] < 0.004
+    # A median of 0.67 sigma of noise and rounding; the laps that do not fit make it more.
+    if metres == 0.0:
+        assert 0.004 < report["spread"]["median_m"] < 0.009
+    else:
+        assert report["spread"]["median_m"] > 0.01
+
+
+def test_self_prints_both_measures(app: typer.Typer, laps: Path) -> None:
+    output = run(app, laps / "true.tum", "--self", laps / "laps.log")
+    assert "revisits, own scans" in output
+    assert "returns about their walls: median 0." in output
+
+
+def test_self_with_the_log_of_another_drive_is_refused(app: typer.Typer, laps: Path, files: Path) -> None:
+    write_tum(files / "late.tum", 1e6 + np.arange(5.0), np.zeros((5, 3)))
+    with pytest.raises(InputError, match="the log that the trajectory was made from"):
+        run(app, files / "late.tum", "--self", laps / "laps.log")
+
+
+def test_pairs_are_measured_alike_from_either_side(laps: Path) -> None:
+    scans = [m for m in open_log(laps / "laps.log").measurements() if isinstance(m, LaserScan)]
+    first = np.arange(0, 76, 4)
+    rows = np.concatenate([first, first + 81])  # not quite the same places, so that the two directions differ
+    clouds = join([index_cloud(extract_points(scans[row])) for row in rows])
+    poses = read_tum(laps / "true.tum")[1][rows]
+    pairs = np.stack([np.arange(19), 19 + np.arange(19)], axis=1).astype(np.int32)
+    T_there, known, gaps = measure_pairs(clouds, pairs, in_plane(poses))
+    T_back, known_back, gaps_back = measure_pairs(clouds, np.ascontiguousarray(pairs[:, ::-1]), in_plane(poses))
+    np.testing.assert_array_equal(known, known_back)
+    assert known.sum() > 3
+    assert gaps[known, 0].max() > 1e-3  # so that it matters which way the mean is taken
+    np.testing.assert_allclose(gaps[known, 1], gaps_back[known, 1], atol=1e-9)
+    np.testing.assert_allclose(se2.compose(T_there, T_back)[known], 0.0, atol=1e-6)

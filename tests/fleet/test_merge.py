@@ -9,7 +9,18 @@ import pytest
 
 from clew.errors import InputError
 from clew.factors import Between, Prior
-from clew.fleet import InterRobotEdges, MergedFleet, merge, read_robots, robot_graph
+from clew.fleet import (
+    Encounters,
+    InterRobotEdges,
+    MergedFleet,
+    RelativePose,
+    RobotGraph,
+    Verdict,
+    merge,
+    read_robots,
+    robot_graph,
+)
+from clew.fleet.common import Link, common_landmarks
 from clew.fleet.keys import separate_keys
 from clew.geometry import SE2, Point2, se2
 from clew.graph import FactorGraph
@@ -143,6 +154,58 @@ def test_wrong_edges_are_left_out() -> None:
         assert merged.solution.chi2 < 1e-9
     with pytest.raises(InputError, match="of 4 relative poses between their graphs, no more than 1 agree"):
         merge(edge_robots(3))
+
+
+def test_a_mistaken_encounter_does_not_bend_the_merge() -> None:
+    runs, (a, b) = fleet(3, identified=1.0, reach=8.0)
+    met = a.encounters
+    assert met is not None
+    ranges = met.ranges.copy()
+    assert len(ranges) >= 4
+    ranges[: len(ranges) // 4] += 8.0
+    mistaken = Encounters(met.poses, met.others, met.other_poses, ranges, met.bearings, met.covariance)
+    merged = merge([RobotGraph(a.name, a.solution, a.landmarks, mistaken), b])
+    assert merged.solution.chi2 < 1.5 * merge([a, b]).solution.chi2  # it has next to no say
+    metres, degrees = errors(merged, runs)
+    assert metres < 0.05
+    assert degrees < 0.5
+
+
+def test_links_that_contradict_each_other_merge_nothing() -> None:
+    square = np.array([[0, 0, 0], [2, 0, np.pi / 2], [2, 2, np.pi], [0, 2, -np.pi / 2]])
+    frames = {"a": np.zeros(3), "b": np.array([7.0, -3.0, 2.0]), "c": np.array([1.0, 5.0, -1.0])}
+    said = {**frames, "c": np.array([4.0, 5.0, -1.0])}  # what a says of c, against what b says
+    robots = []
+    for name, others, where in (("a", ["b", "c"], said), ("b", ["c"], frames), ("c", [], frames)):
+        graph = FactorGraph()
+        graph.add_pose(SE2.from_array(square))
+        graph.add(Between([0, 1, 2, 3], [1, 2, 3, 0], se2.between(square, np.roll(square, -1, axis=0)), sigmas=0.01))
+        z = [se2.between(se2.compose(where[name], square), se2.compose(where[other], square)) for other in others]
+        count = 4 * len(others)
+        edges = InterRobotEdges(np.tile(np.arange(4), len(others)), np.repeat(np.array(others, dtype=np.str_), 4),
+                                np.tile(np.arange(4), len(others)), np.concatenate([*z, np.empty((0, 3))]),
+                                np.broadcast_to(np.eye(3) * 1e4, (count, 3, 3)).copy())
+        robots.append(robot_graph(name, graph, edges=edges if others else None))
+    with pytest.raises(InputError, match=r"contradicts .* by 3\.0 m; nothing was merged"):
+        merge(robots)
+
+
+def test_landmarks_that_links_would_make_one_of_two_are_left_apart() -> None:
+    rng = np.random.default_rng(9)
+    points = 20 * rng.random((4, 2))
+    robots = [still_robot(name, points) for name in "abc"]
+    pairs = {(0, 1): [[0, 0], [1, 1]], (1, 2): [[0, 0], [1, 1]], (0, 2): [[0, 0], [2, 1]]}  # a's 1 and 2 would be one
+    links = {
+        ab: Link(np.zeros(3), 3, RelativePose(Verdict.FOUND, np.zeros(3), np.eye(3), np.array(common)))
+        for ab, common in pairs.items()
+    }
+    tables = separate_keys([robot.graph for robot in robots], list("abc"))
+    common = common_landmarks(robots, links, [np.zeros(3)] * 3, tables)
+    assert len(common.shared) == 1
+    keys = [new[np.searchsorted(old, robot.landmarks.keys)] for robot, (old, new) in
+            zip(robots, common.tables, strict=True)]
+    assert keys[0][0] == keys[1][0] == keys[2][0]
+    assert len({int(key) for of_robot in keys for key in of_robot}) == 12 - 2
 
 
 def test_bad_requests() -> None:

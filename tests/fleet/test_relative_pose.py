@@ -83,6 +83,31 @@ def test_a_regular_constellation_is_refused() -> None:
     assert found.verdict in (Verdict.AMBIGUOUS, Verdict.BY_CHANCE)
 
 
+def test_a_symmetric_constellation_is_ambiguous() -> None:
+    half = 12 * np.random.default_rng(8).random((9, 2)) + (1.0, -6.0)
+    points = np.concatenate([half, -half])  # half a turn brings all together as well
+    found = relative_pose(still_robot("a", points), still_robot("b", points, (2.0, 1.0, 0.3)))
+    assert found.verdict is Verdict.AMBIGUOUS
+    assert found.support == found.runner_up == 18
+
+
+def test_encounters_of_two_minds_are_ambiguous() -> None:
+    """Half of the sightings are of somebody else, who stands 5 m beside."""
+    track = np.column_stack([np.arange(12.0), np.sin(np.arange(12.0)), np.zeros(12)])
+    robots = []
+    seen = np.column_stack([track[:, 0], 4.0 + np.cos(track[:, 0])])
+    seen[6:] += (3.0, 4.0)
+    local = seen - track[:, :2]
+    met = Encounters(np.arange(12), np.array(["b"] * 12), np.arange(12), np.hypot(*local.T),
+                     np.arctan2(local[:, 1], local[:, 0]), np.diag([1e-4, 1e-4]))
+    for name, own in (("a", track), ("b", np.column_stack([track[:, 0], np.cos(track[:, 0]), np.zeros(12)]))):
+        graph = FactorGraph()
+        graph.add_pose(SE2.from_array(own))
+        graph.add(Between(np.arange(11), np.arange(1, 12), se2.between(own[:-1], own[1:]), sigmas=1e-3))
+        robots.append(robot_graph(name, graph, encounters=met if name == "a" else None))
+    assert relative_pose(*robots).verdict is Verdict.AMBIGUOUS
+
+
 def test_three_anonymous_landmarks_may_be_chance() -> None:
     points = np.array([[5.0, 0.5], [3.0, 4.0], [-2.0, 6.0]])
     found = relative_pose(still_robot("a", points), still_robot("b", points, (1, 1, 1)))

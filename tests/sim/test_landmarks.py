@@ -13,10 +13,12 @@ from clew.sim import (
     FleetModel,
     LandmarkWorld,
     MeetingModel,
+    OdometryModel,
     RobotRun,
     SightingModel,
     landmark_field,
     simulate_fleet,
+    step_covariances,
 )
 
 MODEL = FleetModel(
@@ -69,6 +71,15 @@ def test_odometry_errors_have_the_covariance_told(runs: list[RobotRun]) -> None:
     moving = np.concatenate(nees)[np.concatenate([np.hypot(*r.increments[:, :2].T) for r in runs]) > 0.3]
     assert len(moving) > 300
     assert 2.5 < moving.mean() < 3.3
+
+
+def test_covariance_of_steps_that_turn() -> None:
+    model = OdometryModel(sigma_distance=0.05, sigma_side=0.005, sigma_turn=0.01)
+    true = np.broadcast_to([1.0, 0.2, 0.9], (20_000, 3))
+    reported = model.perturb(true, np.random.default_rng(2))
+    sampled = np.cov(se2.local(reported, true).T)
+    told = step_covariances(model, true[:1], floor=0.0)[0]
+    np.testing.assert_allclose(sampled, told, atol=0.05 * np.sqrt(np.outer(np.diag(told), np.diag(told))).max())
 
 
 def test_sightings_have_the_noise_told(world: LandmarkWorld, runs: list[RobotRun]) -> None:

@@ -27,9 +27,9 @@ def merge(
     vertex id is the robot's letter). Robots that cannot be placed are not merged. The result is in the frame of
     the first robot.
 
-    [bold]Example[/bold]
+    **Examples**
 
-    clew merge out1 out2 out3 -o all
+    `clew merge out1 out2 out3 -o all`
     """
     from clew.fleet import merge as merge_robots
     from clew.fleet import read_robots, write_merged

@@ -7,11 +7,9 @@ from typing import Annotated
 
 import typer
 
-FILES = "trajectory.tum, keyframes.tum, graph.g2o, closures.csv, map.pgm, map.yaml, map.png, overview.png, summary.json"
-
 
 def run(
-    log: Annotated[Path, typer.Argument(metavar="LOG", show_default=False, help="CARMEN log or ROS bag.")],
+    log: Annotated[Path, typer.Argument(metavar="LOG", show_default=False, help="CARMEN log, ROS bag, or MRCLAM folder.")],
     out: Annotated[Path, typer.Option("-o", "--out", metavar="OUT", show_default=False, help="Output folder.")],
     refine: Annotated[
         bool, typer.Option("--refine/--no-refine", help="Refine all scans jointly at the end.")
@@ -26,6 +24,9 @@ def run(
     odometry_topic: Annotated[
         str | None, typer.Option(metavar="TOPIC", show_default=False, help="Topic of the odometry of a bag.")
     ] = None,
+    robot: Annotated[
+        int | None, typer.Option(metavar="N", show_default=False, help="Robot of an MRCLAM folder; all by default.")
+    ] = None,
     json: Annotated[bool, typer.Option("--json", help="Print the summary as JSON.")] = False,
     quiet: Annotated[bool, typer.Option("-q", "--quiet", help="Print nothing but errors.")] = False,
 ) -> None:
@@ -34,6 +35,9 @@ def run(
     LOG is a CARMEN log (plain, .gz or .bz2) or a ROS bag (ROS 1 .bag; ROS 2 folder, .db3 or .mcap; needs
     `pip install 'clew[bags]'`). Nothing needs to be set: what depends on the sensor is read from the log.
     Ctrl-C stops and writes what has been mapped so far.
+
+    A folder of the UTIAS MRCLAM data (odometry and sightings of landmarks) gives landmarks.csv and landmarks.png in
+    place of the map, for one robot or for all of them in one graph; the options of laser logs do not concern it.
 
     **OUT** receives trajectory.tum (a pose for every scan), graph.g2o, map.pgm and map.yaml (for ROS),
     map.png, overview.png (look at this first), closures.csv and summary.json.
@@ -45,7 +49,18 @@ def run(
     `clew run recording.bag -o out --scan-topic /front/scan`
 
     `clew run robot.log -o out --resolution 0.1 --json`
+
+    `clew run MRCLAM_Dataset6 -o out --robot 3`
     """
     from clew.cli.job import run_log
+    from clew.errors import InputError
+    from clew.io import is_mrclam
 
+    if is_mrclam(log):
+        from clew.cli.landmark_job import run_landmarks
+
+        run_landmarks(log, out, robot, json, quiet)
+        return
+    if robot is not None:
+        raise InputError(f"--robot {robot}: {log} is no MRCLAM folder; leave the option out")
     run_log(log, out, refine, odometry, resolution, scan_topic, odometry_topic, json, quiet)

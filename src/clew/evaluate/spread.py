@@ -14,9 +14,9 @@ Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
 FACING = 0.8  # least cosine between normals of one side of one wall
-LEAST_POINTS, LEAST_SCANS = 8, 2  # that make a wall
+LEAST_POINTS = 8  # that make a wall, of two scans or more
 THIN = 0.35  # a wall's points spread at most this much across it, as a share of along it
-AT_ONCE = 2000
+AT_ONCE = 500
 
 
 @dataclass(frozen=True)
@@ -79,8 +79,6 @@ def _distances(tree: cKDTree, points: Array, normals: Array, scans: Indices, jud
     """Signed distances of those returns that have a wall."""
     near = cKDTree(points[judged]).sparse_distance_matrix(tree, radius, output_type="ndarray")
     owner, partner = near["i"], near["j"]
-    order = np.lexsort((partner, owner))
-    owner, partner = owner[order], partner[order]
     own = judged[owner]
     same = (scans[partner] != scans[own]) & (np.sum(normals[partner] * normals[own], axis=1) >= FACING)
     owner, partner = owner[same], partner[same]
@@ -98,8 +96,8 @@ def _distances(tree: cKDTree, points: Array, normals: Array, scans: Indices, jud
     across = np.sqrt(np.maximum(0.5 * (xx + yy) - root, 0.0))
     direction = 0.5 * np.arctan2(2.0 * xy, xx - yy)
     distance = -np.sin(direction) * mean[:, 0] + np.cos(direction) * mean[:, 1]
-    # Scans a return shares its wall with: distinct pairs of owner and scan.
-    distinct = np.unique(np.stack([owner, scans[partner]], axis=1), axis=0)[:, 0]
-    several = np.bincount(distinct, minlength=len(judged)) >= LEAST_SCANS
-    wall = (number >= LEAST_POINTS) & several & (across <= THIN * along)
+    earliest, latest = np.full(len(judged), np.iinfo(np.int64).max), np.full(len(judged), -1)
+    np.minimum.at(earliest, owner, scans[partner])
+    np.maximum.at(latest, owner, scans[partner])
+    wall = (number >= LEAST_POINTS) & (latest > earliest) & (across <= THIN * along)
     return np.asarray(distance[wall])

@@ -33,8 +33,6 @@ class CalibratedSighting(Measured):
     centre: ``q = R^T (p - t) - (forward, 0)``. Measurement: the number measured, ``f_1``, ``f_2``.
     """
 
-    _parameters: int
-
     def __init__(
         self,
         pose: ArrayLike,
@@ -56,7 +54,7 @@ class CalibratedSighting(Measured):
         Args:
             pose: key of the robot's pose, or ``(M,)`` keys.
             target: key of what was seen, or ``(M,)`` keys.
-            parameters: keys of the points of parameters, in the order of the class's docstring.
+            parameters: keys of the two points of parameters, in the order of the class's docstring.
             measured: metres or radians, or ``(M,)``.
             f1: the measured bearing less a constant, radians.
             f2: its square less a constant.
@@ -73,10 +71,10 @@ class CalibratedSighting(Measured):
         what = type(self).__name__
         if sees not in (Point2, SE2):
             raise InputError(f"{what}: sees is {sees!r}; give Point2 for landmarks or SE2 for robots")
-        if len(parameters) != self._parameters:
-            raise InputError(f"{what}: {len(parameters)} points of parameters; it needs {self._parameters}")
+        if len(parameters) != 2:
+            raise InputError(f"{what}: {len(parameters)} points of parameters; it needs 2")
         self._set_up(
-            read_keys((pose, target, *parameters), what), (SE2, sees, *[Point2] * self._parameters),
+            read_keys((pose, target, *parameters), what), (SE2, sees, Point2, Point2),
             read_columns(what, measured=measured, f1=f1, f2=f2), 1,
             sigmas=sigmas, information=information, covariance=covariance, kernel=kernel, role=role,
         )  # fmt: skip
@@ -117,29 +115,21 @@ class CalibratedSighting(Measured):
 class CalibratedRange(CalibratedSighting):
     """Distance of what was seen.
 
-    Residual: ``|q| (1 + scale + slope f_1 + curve f_2) + offset - range``. Parameters: ``(scale, offset)``,
-    ``(slope, curve)``, ``(bearing curve, forward)``.
+    Residual: ``|q| (1 + slope f_1 + curve f_2) - range``. Parameters: ``(slope, curve)``, ``(bearing curve, forward)``.
     """
 
-    _parameters = 3
-
     def _error(self, q: Array, *parameters: Array, measurement: Array) -> Array:
-        return range_of(q) * self._stretch(*parameters, measurement=measurement) + (
-            parameters[0][:, 1:] - measurement[:, :1]
-        )
+        return range_of(q) * self._stretch(parameters[0], measurement) - measurement[:, :1]
 
     @staticmethod
-    def _stretch(*parameters: Array, measurement: Array) -> Array:
-        result: Array = (
-            1.0 + parameters[0][:, :1] + (parameters[1] * measurement[:, 1:]).sum(axis=1, keepdims=True)
-        )
+    def _stretch(first: Array, measurement: Array) -> Array:
+        result: Array = 1.0 + (first * measurement[:, 1:]).sum(axis=1, keepdims=True)
         return result
 
     def _derivatives(self, q: Array, *parameters: Array, measurement: Array) -> tuple[Array, ...]:
         distance = range_of(q)
-        by_q = range_jacobian(q) * self._stretch(*parameters, measurement=measurement)[:, :, None]
-        first = np.concatenate([distance, np.ones_like(distance)], axis=1)[:, None]
-        return by_q, first, (distance * measurement[:, 1:])[:, None], np.zeros((len(q), 1, 2))
+        by_q = range_jacobian(q) * self._stretch(parameters[0], measurement)[:, :, None]
+        return by_q, (distance * measurement[:, 1:])[:, None], np.zeros((len(q), 1, 2))
 
 
 class CalibratedBearing(CalibratedSighting):
@@ -148,8 +138,6 @@ class CalibratedBearing(CalibratedSighting):
     Residual: ``wrap(atan2(q_y, q_x) + offset + slope f_1 + curve f_2 - bearing)``. Parameters: ``(offset, slope)``,
     ``(curve, forward)``.
     """
-
-    _parameters = 2
 
     def _error(self, q: Array, *parameters: Array, measurement: Array) -> Array:
         first, last = parameters

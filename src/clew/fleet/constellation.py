@@ -15,14 +15,15 @@ from scipy.spatial import ConvexHull, QhullError
 from scipy.stats import binom
 
 from clew.fleet.rigid_fit import RigidFit, fit_rigid, mahalanobis, pair_covariances
-from clew.geometry import se2, so2
+from clew.geometry import se2, so2, wrap
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 Mask = NDArray[np.bool_]
 
 #: Numbers that limit the work: partners of a landmark in proposals, proposals scored, proposals refined.
-NEIGHBOURS, MOST_SCORED, MOST_REFINED = 24, 12_000, 40
+NEIGHBOURS, MOST_SCORED, MOST_REFINED = 24, 12_000, 20
+OTHER_HEADING = 0.35  # radians; a pose from two near landmarks is that far off at times and still the same
 CHUNK = 200_000  # distances held in memory at a time
 
 
@@ -81,22 +82,31 @@ def find_agreement(a: PointMap, b: PointMap, compatible: Mask, *, gate: float, s
         _count(a, b, chunk, within)
         for chunk in np.array_split(proposals, 1 + len(proposals) * len(a) * len(b) // CHUNK)
     ])  # fmt: skip
-    best: list[tuple[RigidFit, Index]] = []
-    for row in np.argsort(-counts, kind="stable")[: MOST_REFINED]:
-        refined = _refine(a, b, proposals[row], compatible, gate)
-        if refined is not None:
-            best.append(refined)
-    if not best:
+    refined = _refine_best(a, b, proposals, counts, compatible, gate)
+    if not refined:
         return None
-    best.sort(key=lambda found: (-len(found[1]), float(found[0].distances.sum())))
-    fit, pairs = best[0]
+    fit, pairs = max(refined, key=lambda found: (len(found[1]), -float(found[0].distances.sum())))
+    common = b.points[pairs[:, 1]]
     span = 3 * np.sqrt(reach.max())
-    others = [len(p) for f, p in best[1:] if _moves(fit.T_a_b, f.T_a_b, b.points[pairs[:, 1]]) > span]
-    # Poses beyond those refined bring together at most about as many as they were counted for.
-    runner_up = max([2, *others])
-    chance = max(_coverage(a, np.median(reach)), float(np.mean(counts - 2)) / max(min(len(a), len(b)) - 2, 1))
-    alarms = np.log10(total) + binom.logsf(len(pairs) - 3, min(len(a), len(b)) - 2, min(chance, 0.99)) / np.log(10)
+    # What chance, or another overlap, brings together: proposals that do not lead to the best pose.
+    shift = se2.act(proposals, common.mean(axis=0)) - se2.act(fit.T_a_b, common.mean(axis=0))
+    other = (np.hypot(*shift.T) > span) | (np.abs(wrap(proposals[:, 2] - fit.T_a_b[2])) > OTHER_HEADING)
+    rivals = refined + _refine_best(a, b, proposals[other], counts[other], compatible, gate)
+    moved = [np.hypot(*(se2.act(f.T_a_b, common) - se2.act(fit.T_a_b, common)).T).max() for f, _ in rivals]
+    runner_up = max([2, *(len(p) for (_, p), far in zip(rivals, moved, strict=True) if far > span)])
+    by_chance = float(np.mean(counts[other] - 2)) if other.any() else 0.0
+    most = min(len(a), len(b)) - 2
+    chance = np.clip(max(_coverage(a, np.median(reach)), by_chance / max(most, 1)), 0.0, 0.99)
+    alarms = np.log10(total) + binom.logsf(len(pairs) - 3, most, chance) / np.log(10)
     return Agreement(fit, pairs, runner_up, float(alarms))
+
+
+def _refine_best(a: PointMap, b: PointMap, proposals: Array, counts: Index, compatible: Mask,
+                 gate: float) -> list[tuple[RigidFit, Index]]:
+    """The most promising proposals, refined."""
+    promising = np.argsort(-counts, kind="stable")[:MOST_REFINED]
+    refined = (_refine(a, b, proposals[row], compatible, gate) for row in promising)
+    return [found for found in refined if found is not None]
 
 
 def match_nearest(a: PointMap, b: PointMap, T_a_b: Array, compatible: Mask, gate: float) -> Index:
@@ -217,11 +227,6 @@ def _refine(a: PointMap, b: PointMap, pose: Array, compatible: Mask, gate: float
             return fit, pairs
         pose, previous, wide = fit.T_a_b, pairs, gate
     return fit, pairs
-
-
-def _moves(T_1: Array, T_2: Array, points: Array) -> float:
-    """How far apart two poses put the points, at most, metres."""
-    return float(np.hypot(*(se2.act(T_1, points) - se2.act(T_2, points)).T).max())
 
 
 def _coverage(a: PointMap, reach: float) -> float:

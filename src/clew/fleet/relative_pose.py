@@ -26,6 +26,8 @@ class MergeOptions:
         minimum: least number of common landmarks; three points are the least that can contradict.
         confidence: of the gate within which two landmarks are the same.
         slack: standard deviation of what a map's own covariance leaves out, metres a landmark.
+        identity_slack: the same for landmarks that carry identities: these need not prove to be the same by their
+            places, and only a gross contradiction counts as a disagreement.
         log10_false_alarms: a constellation without identities is believed when fewer poses than this are
             expected to fit as well by chance.
         runner_up: greatest share of the common landmarks (those beyond two, which always fit) that another pose
@@ -42,6 +44,7 @@ class MergeOptions:
     minimum: int = 3
     confidence: float = 0.997
     slack: float = 0.05
+    identity_slack: float = 0.2
     log10_false_alarms: float = -6.0
     runner_up: float = 0.5
     common_share: float = 0.5
@@ -138,7 +141,7 @@ def _by_constellation(a: RobotGraph, b: RobotGraph, options: MergeOptions) -> Re
     rows_a, rows_b = _often_seen(a, options), _often_seen(b, options)
     if min(len(rows_a), len(rows_b)) < options.minimum:
         return _refused(Verdict.TOO_FEW, None)
-    map_a, map_b = _points(a, rows_a, options), _points(b, rows_b, options)
+    map_a, map_b = _points(a, rows_a, options.slack), _points(b, rows_b, options.slack)
     compatible = _compatible(a, b)[np.ix_(rows_a, rows_b)]
     found = find_agreement(map_a, map_b, compatible, gate=options.gate, seed=options.seed)
     if found is None or len(found.pairs) < options.minimum:
@@ -153,11 +156,11 @@ def _by_constellation(a: RobotGraph, b: RobotGraph, options: MergeOptions) -> Re
 
 
 def _accepted(a: RobotGraph, b: RobotGraph, found: Agreement, options: MergeOptions) -> RelativePose:
-    """The pose, with all landmarks that it brings together, identified ones first."""
+    """The pose, with all landmarks that it brings together beyond doubt."""
     if found.fit.covariance[2, 2] > options.heading**2:
         return _refused(Verdict.UNCERTAIN, found)
-    everything = match_unique(_points(a, None, options), _points(b, None, options), found.fit, _compatible(a, b),
-                              options.gate)
+    map_a, map_b = (_points(robot, np.arange(len(robot.landmarks)), options.slack) for robot in (a, b))
+    everything = match_unique(map_a, map_b, found.fit, _compatible(a, b), options.gate)
     return RelativePose(Verdict.FOUND, found.fit.T_a_b, found.fit.covariance, everything, len(found.pairs),
                         found.runner_up, found.log10_false_alarms)
 
@@ -176,10 +179,9 @@ def _often_seen(robot: RobotGraph, options: MergeOptions) -> Index:
     return np.flatnonzero(robot.landmarks.sightings >= options.minimum_sightings)
 
 
-def _points(robot: RobotGraph, rows: Index | None, options: MergeOptions) -> PointMap:
+def _points(robot: RobotGraph, rows: Index, slack: float) -> PointMap:
     marks = robot.landmarks
-    chosen = np.arange(len(marks)) if rows is None else rows
-    return PointMap(marks.positions[chosen], marks.covariances[chosen] + options.slack**2 * np.eye(2))
+    return PointMap(marks.positions[rows], marks.covariances[rows] + slack**2 * np.eye(2))
 
 
 def _compatible(a: RobotGraph, b: RobotGraph) -> NDArray[np.bool_]:
@@ -197,7 +199,7 @@ def _known_pairs(a: RobotGraph, b: RobotGraph, options: MergeOptions) -> tuple[P
     names_a, names_b = a.landmarks.identities, b.landmarks.identities
     shared = np.intersect1d(names_a[names_a != ""], names_b[names_b != ""])
     rows = [np.array([np.flatnonzero(names == s)[0] for s in shared], dtype=np.int64) for names in (names_a, names_b)]
-    map_a, map_b = _points(a, rows[0], options), _points(b, rows[1], options)
+    map_a, map_b = (_points(robot, at, options.identity_slack) for robot, at in zip((a, b), rows, strict=True))
     seen_a, at_b = _met(a, b, options)
     seen_b, at_a = _met(b, a, options)
     names = [str(s) for s in shared] + [""] * (len(seen_a) + len(seen_b))

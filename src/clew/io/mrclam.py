@@ -118,7 +118,9 @@ def _sightings(folder: Path, robot: int, report: ReadReport) -> Sightings:
         report.skipped[reason] += int(np.sum(bad & good))
         good &= ~bad
     if not good.any():
-        raise InputError(f"{path}: none of {len(rows)} sightings is of a barcode in {_BARCODES}; give the files of one set")
+        raise InputError(
+            f"{path}: none of {len(rows)} sightings is of a barcode in {_BARCODES}; give the files of one set"
+        )
     order = np.flatnonzero(good)[np.argsort(rows[good, 0], kind="stable")]
     return Sightings(rows[order, 0].copy(), identity[order], rows[order, 2].copy(), rows[order, 3].copy())
 

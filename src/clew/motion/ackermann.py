@@ -19,8 +19,8 @@ class Ackermann:
 
     Attributes:
         wheelbase: metres between the axles.
-        encoder_offset: metres from the middle of the rear axle to the left to the wheel whose speed is measured (Victoria
-            Park's truck: 0.76); 0 if the speed is that of the middle.
+        encoder_offset: metres from the middle of the rear axle to the left to the wheel whose speed is measured
+            (Victoria Park's truck: 0.76); 0 if the speed is that of the middle.
         speed_noise: deviation of the travelled distance after one metre, metres.
         steering_noise: deviation of the steering angle, radians, independent over each second.
         across_per_metre: deviation sideways (slip) after one metre, metres.
@@ -44,7 +44,8 @@ class Ackermann:
             Motions; the control of their Jacobian is ``(speed, steering)``.
 
         Raises:
-            InputError: a wheelbase that is not positive, a steering angle of 90 degrees or more, numbers that are not finite.
+            InputError: a wheelbase that is not positive, a steering angle of 90 degrees or more, numbers that are not
+                finite.
         """
         check_positive("Ackermann", wheelbase=self.wheelbase)
         duration, speed, steering = read_controls(

@@ -1,5 +1,14 @@
 """Have we been here before? Submaps, descriptors, verification, consistency of closures."""
 
+from clew.place.association import (
+    NEW,
+    UNCLEAR,
+    Gates,
+    chi_square_limit,
+    compatibility,
+    joint_compatibility,
+    nearest_neighbour,
+)
 from clew.place.closure import Closure, Verdict
 from clew.place.consistency import ConsistencyOptions, agree
 from clew.place.descriptor import describe, similarity
@@ -7,14 +16,21 @@ from clew.place.submap import Submap, build_submap, surfels_of
 from clew.place.verify import VerificationOptions, verify
 
 __all__ = [
+    "NEW",
+    "UNCLEAR",
     "Closure",
     "ConsistencyOptions",
+    "Gates",
     "Submap",
     "Verdict",
     "VerificationOptions",
     "agree",
     "build_submap",
+    "chi_square_limit",
+    "compatibility",
     "describe",
+    "joint_compatibility",
+    "nearest_neighbour",
     "similarity",
     "surfels_of",
     "verify",

@@ -22,6 +22,7 @@ class Verdict(str, Enum):
     ROUGH = "surfaces do not lie on each other"
     CONTRADICTED = "returns lie where the other scans saw free space"
     DISAGREES = "disagrees with the graph beyond its uncertainty"
+    REDUNDANT = "says the same as a better one of this keyframe"
     ALONE = "no other closure agrees"
     WITHDRAWN = "contradicted by the optimised graph"
 

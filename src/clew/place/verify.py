@@ -26,7 +26,8 @@ class VerificationOptions:
         overlap: least share of the query's points with a partner.
         rms: largest residual along the normals, metres.
         contradiction: largest share of returns in free space.
-        voxel: the query is thinned to one point per square of this side, metres.
+        voxel: for the search the query is thinned to one point per square of this side,
+        fine_voxel: and for the alignment of this one, metres.
     """
 
     likelihood: float = 0.5
@@ -37,6 +38,7 @@ class VerificationOptions:
     rms: float = 0.035
     contradiction: float = 0.15
     voxel: float = 0.2
+    fine_voxel: float = 0.1
 
 
 ALIGNMENT = AlignmentOptions(radius_start=0.35, radius_end=0.15)
@@ -79,7 +81,7 @@ def verify(
     if rival is not None:
         return replace(closure, verdict=Verdict.AMBIGUOUS, T_target_source=best.T_target_source)
     fine = align(
-        submap.index, SourceClouds.single(query), np.zeros((1, 2), dtype=np.int32),
+        submap.index, SourceClouds.single(merge_surfels(query, options.fine_voxel)), np.zeros((1, 2), dtype=np.int32),
         best.T_target_source[None],
         T_prior=T_predicted[None], prior_information=prior_information[None], options=ALIGNMENT,
     )  # fmt: skip

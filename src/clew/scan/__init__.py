@@ -1,4 +1,4 @@
-"""Laser scans: cleaning, matching, match covariance."""
+"""Laser scans: cleaning, features, matching, match covariance; tags in camera images."""
 
 from clew.scan.align import Alignment, AlignmentOptions, align
 from clew.scan.correlate import CorrelativeMatch, LikelihoodPyramid, build_pyramid, correlate
@@ -10,10 +10,13 @@ from clew.scan.feature_returns import ReturnOptions
 from clew.scan.index import IndexedClouds, SourceClouds, index_cloud, join, merge_surfels
 from clew.scan.laser import LaserScan
 from clew.scan.points import CleaningOptions, ScanPoints, concatenate, extract_points
+from clew.scan.tags import FAMILIES, Camera, Tags, find_tags
 
 __all__ = [
+    "FAMILIES",
     "Alignment",
     "AlignmentOptions",
+    "Camera",
     "CircleOptions",
     "Circles",
     "CleaningOptions",
@@ -29,6 +32,7 @@ __all__ = [
     "ReturnOptions",
     "ScanPoints",
     "SourceClouds",
+    "Tags",
     "align",
     "build_pyramid",
     "concatenate",
@@ -38,6 +42,7 @@ __all__ = [
     "find_corners",
     "find_lines",
     "find_reflectors",
+    "find_tags",
     "index_cloud",
     "join",
     "merge_surfels",

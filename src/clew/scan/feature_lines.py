@@ -117,25 +117,33 @@ def _from_chord(points: Array, rows: Index, start: Index, end: Index) -> Array:
 
 
 def _merge(returns: Returns, points: Array, first: Index, last: Index, options: LineOptions) -> tuple[Index, Index]:
-    """Make neighbours one where a single line fits both; repeated until nothing changes."""
+    """Make neighbours one where a single line fits both, until no pair is left that was not tried."""
     surface = np.searchsorted(returns.starts, first, side="right")
-    parity, idle = 0, 0
-    while idle < 2 and len(first) > 1:
-        left = np.arange(parity, len(first) - 1, 2)
-        left = left[(surface[left] == surface[left + 1]) & (first[left + 1] - last[left] <= 1)]
+    untried = np.ones(len(first), dtype=bool)  # of each span with the next one
+    while True:
+        untried[-1:] = False
+        untried[:-1] &= (surface[:-1] == surface[1:]) & (first[1:] - last[:-1] <= 1)
+        left = np.flatnonzero(untried)
+        if not len(left):
+            return first, last
+        # Of neighbouring pairs only the first, third, ... at a time: they share a span.
+        run = np.cumsum(np.diff(left, prepend=-2) > 1)
+        place = np.arange(len(left)) - np.searchsorted(run, run)
+        left = left[place % 2 == 0]
         misfit = _fit(returns, points, first[left], last[left + 1])[2]
         rows, owner = spans(first[left], last[left + 1])
-        far = np.zeros(len(left))
         chord = _from_chord(points, rows, first[left][owner], last[left + 1][owner] - 1)
-        np.maximum.at(far, owner, chord)
+        starts = np.searchsorted(owner, np.arange(len(left)))
+        far = np.maximum.reduceat(chord, starts)
         one = (misfit < options.misfit) & (far < 1.5 * options.split * options.returns.sigma_range)
-        last[left[one]] = last[left[one] + 1]
+        untried[left] = False
+        merged = left[one]
+        last[merged] = last[merged + 1]
+        untried[merged] = True
+        untried[merged[merged > 0] - 1] = True
         keep = np.ones(len(first), dtype=bool)
-        keep[left[one] + 1] = False
-        first, last, surface = first[keep], last[keep], surface[keep]
-        idle = 0 if one.any() else idle + 1
-        parity = 1 - parity
-    return first, last
+        keep[merged + 1] = False
+        first, last, surface, untried = first[keep], last[keep], surface[keep], untried[keep]
 
 
 def _fit(returns: Returns, points: Array, first: Index, last: Index) -> tuple[Array, Array, Array]:

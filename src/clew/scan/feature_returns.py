@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -106,7 +107,8 @@ def spans(first: Index, last: Index) -> tuple[Index, Index]:
 
 def sum_by(owner: Index, values: Array, count: int) -> Array:
     """Sums ``(count, ...)`` of values ``(m, ...)`` by owner ``(m,)``."""
-    out = np.empty((count, *values.shape[1:]))
-    for place in np.ndindex(values.shape[1:]):
-        out[(slice(None), *place)] = np.bincount(owner, weights=values[(slice(None), *place)], minlength=count)
-    return out
+    flat = values.reshape(len(values), math.prod(values.shape[1:]))
+    out = np.empty((count, flat.shape[1]))
+    for place, column in enumerate(flat.T):
+        out[:, place] = np.bincount(owner, weights=column, minlength=count)
+    return out.reshape(count, *values.shape[1:])

@@ -78,6 +78,8 @@ class ClosingOptions:
         tracked: a closure that moves the robot by less than this, metres and radians, needs no other to agree;
         supporters: any other needs so many that do,
         support_path: from sources within this many metres of path.
+        settled: a closure that moves the robot by less than this, metres and radians, changes nothing at once;
+        batch: so many of them are optimised together.
         cached_submaps: submaps kept in memory.
         information_scale: as in `TrackingOptions`.
         kernel_scale: scale of the robust kernel on closures (Huber: convex, so that a right closure pulls from any
@@ -101,8 +103,10 @@ class ClosingOptions:
     tracked: tuple[float, float] = (0.3, 0.06)
     supporters: int = 2
     support_path: float = 6.0
+    settled: tuple[float, float] = (0.05, 0.01)
+    batch: int = 5
     cached_submaps: int = 64
-    information_scale: float = 0.04
+    information_scale: float = 0.08
     kernel_scale: float = 3.0
     residual: float = 40.0
 
@@ -125,7 +129,7 @@ class RefinementOptions:
     overlap: float = 0.4
     rounds: int = 4
     movement: float = 0.002
-    information_scale: float = 0.01
+    information_scale: float = 0.1
 
 
 @dataclass(frozen=True)

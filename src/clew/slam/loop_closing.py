@@ -47,6 +47,7 @@ class LoopCloser:
         self._waiting: list[Closure] = []
         self._rejected: list[Closure] = []
         self._last_attempt = -np.inf
+        self._pending = 0  # closures since the last optimisation
 
     @property
     def accepted(self) -> list[Closure]:
@@ -200,12 +201,18 @@ class LoopCloser:
                 self._waiting += candidates
                 self._expire()
                 return False
-        confirmed = [*candidates, *supporters]
-        for closure in confirmed:
+        for closure in [best, *supporters]:
             self._accept(closure)
+        self._rejected += [replace(c, verdict=Verdict.REDUNDANT) for c in candidates if c is not best]
         taken = {id(closure) for closure in supporters}
         self._waiting = [w for w in self._waiting if id(w) not in taken]
         self._expire()
+        self._pending += 1
+        options = self._config.closing
+        settled = best.innovation[0] < options.settled[0] and best.innovation[1] < options.settled[1]
+        if settled and self._pending < options.batch:
+            return False
+        self._pending = 0
         self._graph.optimise()
         self._withdraw()
         return True

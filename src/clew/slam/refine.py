@@ -57,54 +57,38 @@ def overlapping_pairs(poses: Array, radius: float, neighbours: int) -> NDArray[n
 
 def refine(
     keyframes: KeyframeStore,
-    poses: Array,
+    graph: FactorGraph,
     config: SlamConfig,
     progress: Callable[[int, int], None] | None = None,
 ) -> FactorGraph:
-    """Graph of odometry and scan-to-scan edges at its optimum; keys are the indices of the keyframes.
+    """The graph with scan-to-scan edges added, at its optimum.
+
+    The edges that it has stay: odometry and closures know what single scans do not, along a bare corridor above all.
 
     Args:
         keyframes: all keyframes.
-        poses: ``(K, 3)`` where to begin.
+        graph: odometry and closures; keys are the indices of the keyframes, values are where to begin. Left as it is.
         config: `SlamConfig.refinement` and `threads` are used.
         progress: called with the rounds done and the most there can be.
     """
     options = config.refinement
     count = len(keyframes)
     clouds = join([index_cloud(keyframes[k].points) for k in range(count)])
-    graph = _odometry_graph(keyframes, poses)
+    graph = graph.copy()
+    poses = np.asarray(graph.values(np.arange(count)).array)
     added: NDArray[np.int64] | None = None
     for round_ in range(options.rounds):
         factor = _pair_factor(clouds, poses, round_, config)
         if added is not None:
             graph.remove(added)
         added = None if factor is None else np.atleast_1d(np.asarray(graph.add(factor)))
-        solution = optimize(graph, init="file")
-        moved_to = np.asarray(solution.values(SE2).array)
+        moved_to = np.asarray(optimize(graph, init="file", update=True).values(SE2).array)
         movement = float(np.max(np.hypot(*(moved_to - poses)[:, :2].T)))
         poses = moved_to
-        graph.set_values(np.arange(count), SE2.from_array(poses))
         if progress is not None:
             progress(round_ + 1, options.rounds)
         if movement < options.movement and round_ + 1 >= len(RADII):
             break
-    return graph
-
-
-def _odometry_graph(keyframes: KeyframeStore, poses: Array) -> FactorGraph:
-    graph = FactorGraph()
-    count = len(keyframes)
-    graph.add_pose(SE2.from_array(poses), key=np.arange(count))
-    graph.set_constant(0)
-    if count > 1:
-        steps = np.stack([keyframes[k].T_previous_this for k in range(1, count)])
-        information = np.stack([keyframes[k].information for k in range(1, count)])
-        graph.add(
-            Between(
-                np.arange(count - 1), np.arange(1, count), SE2.from_array(steps),
-                information=information, role=Role.ODOMETRY,
-            )
-        )  # fmt: skip
     return graph
 
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from clew.errors import InputError
 from clew.geometry import SE2, se2
 from clew.graph import FactorGraph
-from clew.mapping import OccupancyGrid, build_occupancy_grid
+from clew.mapping import OccupancyGrid, build_occupancy_grid, moving_returns
 from clew.motion import Odometry, OdometryBuffer
 from clew.place import Closure
 from clew.scan import LaserScan
@@ -128,7 +128,7 @@ class Slam:
         if len(self._keyframes) < 2:
             return
         self._pose_graph.optimise()
-        self._refined = refine(self._keyframes, self._pose_graph.poses, self.config, progress)
+        self._refined = refine(self._keyframes, self._pose_graph.graph, self.config, progress)
         self._pose_graph.set_poses(np.asarray(self._refined.values(SE2).array))
 
     # --- answers out ------------------------------------------------------------------------------------------------
@@ -204,16 +204,18 @@ class Slam:
         return self._closer.rejected
 
     def map(self, resolution: float | None = None, progress: Callable[[int, int], None] | None = None) -> OccupancyGrid:
-        """Occupancy grid of all scans at the present trajectory.
+        """Occupancy grid of all scans at the present trajectory, without what did not stay (`moving_returns`).
 
         Raises:
             InputError: there is no scan yet.
         """
         if not self._scans:
             raise InputError("no scan yet: a map needs at least one")
+        poses = self.trajectory.T_world_robot
         return build_occupancy_grid(
             self._scans,
-            self.trajectory.T_world_robot,
+            poses,
+            exclude=moving_returns(self._scans, poses),
             resolution=resolution or self.config.map_resolution,
             progress=progress,
         )

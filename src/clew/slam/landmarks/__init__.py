@@ -1,7 +1,19 @@
 """Landmark SLAM: robots that recognise landmarks, alone or several in one map."""
 
 from clew.slam.landmarks.estimate import LandmarkMap, RobotEstimate, map_landmarks
+from clew.slam.landmarks.mapper import AssociationConfig, LandmarkMapper, associate_features
 from clew.slam.landmarks.model import Calibration, SensorModel, SightingNoise
 from clew.slam.landmarks.track import KEYS_A_ROBOT
 
-__all__ = ["KEYS_A_ROBOT", "Calibration", "LandmarkMap", "RobotEstimate", "SensorModel", "SightingNoise", "map_landmarks"]
+__all__ = [
+    "KEYS_A_ROBOT",
+    "AssociationConfig",
+    "Calibration",
+    "LandmarkMap",
+    "LandmarkMapper",
+    "RobotEstimate",
+    "SensorModel",
+    "SightingNoise",
+    "associate_features",
+    "map_landmarks",
+]

@@ -91,11 +91,11 @@ def map_landmarks(logs: Sequence[SightingLog]) -> LandmarkMap:
     """
     if not logs:
         raise InputError("map_landmarks: give the log of at least one robot")
+    tracks = make_tracks(logs)
+    _join([dict.fromkeys(np.unique(log.landmarks.identity).tolist(), np.zeros(2)) for log in logs], tracks)
     alone = [_settle(make_tracks([log]), *_first([log])) for log in logs]
     if len(logs) == 1:
-        tracks, models, solution = alone[0]
-        return _result(tracks, models, solution)
-    tracks = make_tracks(logs)
+        return _result(*alone[0])
     models = [models[0] for _, models, _ in alone]
     shifts, landmarks = _join([read_solution(solution, own[0])[1] for own, _, solution in alone], tracks)
     poses = []
@@ -124,7 +124,7 @@ def _settle(
             poses.append(its_poses)
             landmarks.update(its_landmarks)
             found.append(replace(model, calibration=calibration))
-        updated = [reestimate(solution, f, model) for f, model in zip(factors, found, strict=True)]
+        updated = [reestimate(solution, *each) for each in zip(tracks, factors, found, strict=True)]
         change = max(model.change(new) for model, new in zip(models, updated, strict=True))
         if last or change < _SETTLED:
             break

@@ -40,7 +40,6 @@ def build_graph(
     models: Sequence[SensorModel],
     poses: Sequence[Array],
     landmarks: Mapping[int, Array],
-    robust: bool = True,
 ) -> tuple[FactorGraph, list[RobotFactors]]:
     """Poses, landmarks and calibrations of all robots; the first pose of the first robot is held.
 
@@ -49,7 +48,6 @@ def build_graph(
         models: what is believed of each.
         poses: ``(N, 3)`` initial poses of each robot.
         landmarks: initial position ``(2,)`` of each landmark that is seen.
-        robust: treat errors of sightings as heavy-tailed.
     """
     graph = FactorGraph()
     for track, array in zip(tracks, poses, strict=True):
@@ -60,14 +58,14 @@ def build_graph(
     for track, model in zip(tracks, models, strict=True):
         keys = track.calibration_keys
         graph.add_point(model.calibration.points, key=keys)
-        graph.add(Prior(keys, Point2.from_array(np.zeros((6, 2))), sigmas=PRIOR.points))
+        graph.add(Prior(keys, Point2.from_array(np.zeros((5, 2))), sigmas=PRIOR.points))
         motion, sources = track.motion_factor(model)
         seen, mates = track.log.landmarks, track.log.robots
-        sightings = track.sighting_factors(seen, seen.identity, model.landmarks, robust)
+        sightings = track.sighting_factors(seen, seen.identity, model.landmarks)
         of_robots = None
         if len(mates):
             target = keys_of(tracks, mates.identity, mates.timestamp)
-            of_robots = track.sighting_factors(mates, target, model.robots, robust, SE2)
+            of_robots = track.sighting_factors(mates, target, model.robots, SE2)
         for factor in (motion, *sightings, *(of_robots or ())):
             graph.add(factor)
         kept.append(RobotFactors(motion, sources, sightings, of_robots))

@@ -17,15 +17,14 @@ class Calibration:
     """Deviations of a robot's odometry and camera from what they claim, all of them zero at first.
 
     The whole map can be scaled together with speeds and ranges, so one of the two has to be believed: the ranges, on
-    the average over all bearings that occur. `range_scale` therefore stays zero; see `SCALE_UNCERTAINTY`.
+    the average over all bearings that occur; see `SCALE_UNCERTAINTY`.
 
     Attributes:
         speed_scale, turn_scale: share by which the robot is faster, and turns faster, than the odometry says.
         turn_bias: radians a second that it turns while it drives straight on.
         delay: seconds by which the motion lags behind the odometry's time stamps.
-        range_scale: share by which ranges are too long, on average.
-        range_offset: metres by which they are.
-        range_slope, range_curve: how that share changes with the bearing and its square, 1/radian, 1/radian^2.
+        range_slope, range_curve: how the share by which ranges are too long changes with the bearing and its square,
+            1/radian, 1/radian^2.
         bearing_offset: radians by which bearings are too large: the camera's mounting.
         bearing_slope, bearing_curve: how that changes with the bearing and its square.
         forward: metres that the camera is ahead of the robot's centre of motion.
@@ -35,8 +34,6 @@ class Calibration:
     turn_scale: float = 0.0
     turn_bias: float = 0.0
     delay: float = 0.0
-    range_scale: float = 0.0
-    range_offset: float = 0.0
     range_slope: float = 0.0
     range_curve: float = 0.0
     bearing_offset: float = 0.0
@@ -46,12 +43,12 @@ class Calibration:
 
     @property
     def points(self) -> Array:
-        """``(6, 2)`` the values as they are in the graph, two a variable."""
-        return np.array(list(asdict(self).values())).reshape(6, 2)
+        """``(5, 2)`` the values as they are in the graph, two a variable."""
+        return np.array(list(asdict(self).values())).reshape(5, 2)
 
     @classmethod
     def from_points(cls, points: Array) -> Calibration:
-        """From ``(6, 2)`` values."""
+        """From ``(5, 2)`` values."""
         return cls(*points.reshape(-1).tolist())
 
 
@@ -59,20 +56,24 @@ class Calibration:
 SCALE_UNCERTAINTY = 0.01
 
 #: Deviations that are to be expected, in the order of the fields; wide but for the scale of the ranges.
-PRIOR = Calibration(0.2, 0.2, 0.02, 0.2, 1e-5, 0.05, 0.3, 0.5, 0.1, 0.1, 0.1, 0.05)
+PRIOR = Calibration(0.2, 0.2, 0.02, 0.2, 0.3, 0.5, 0.1, 0.1, 0.1, 0.05)
 
 
 @dataclass(frozen=True)
 class SightingNoise:
-    """Scale of the errors of sightings, which follow Student's t distribution.
+    """Errors of sightings, which follow Student's t distribution.
 
     Attributes:
-        range: metres.
-        bearing: radians.
+        range: scale of the errors of ranges, metres.
+        bearing: scale of the errors of bearings, radians.
+        range_repeats, bearing_repeats: how many sightings in succession count as one, because what disturbs a
+            sighting disturbs the next one likewise.
     """
 
     range: float = 0.2
     bearing: float = 0.03
+    range_repeats: float = 1.0
+    bearing_repeats: float = 1.0
 
 
 @dataclass(frozen=True)
@@ -87,7 +88,7 @@ class SensorModel:
     """
 
     calibration: Calibration = Calibration()
-    motion: VelocityNoise = VelocityNoise(0.1, 0.05, 0.1, 0.2, 0.003, 0.003)
+    motion: VelocityNoise = field(default_factory=lambda: VelocityNoise(0.1, 0.05, 0.1, 0.2, 0.003, 0.003))
     landmarks: SightingNoise = SightingNoise()
     robots: SightingNoise = field(default_factory=SightingNoise)
 
@@ -102,4 +103,4 @@ class SensorModel:
             for mine, its in ((self.motion, other.motion), (self.landmarks, other.landmarks))
             for f in fields(mine)
         ]
-        return max(abs(b - a) / max(a, b, 1e-4) for a, b in pairs)
+        return max(float(abs(b - a) / max(a, b, 1e-4)) for a, b in pairs)

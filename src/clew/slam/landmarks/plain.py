@@ -34,12 +34,12 @@ def plain_graph(tracks: Sequence[RobotTrack], models: Sequence[SensorModel], sol
         graph.add(Between(track.keys[:-1], track.keys[1:], motion.measurement[:, :3], information=motion.information))
         seen, mates = track.log.landmarks, track.log.robots
         keys = track.keys[track.rows(seen)]
-        weights = _weights(solution, track.sighting_factors(seen, seen.identity, model.landmarks, True))
+        weights = _weights(solution, track.sighting_factors(seen, seen.identity, model.landmarks))
         points, information = _points(track, model, seen, model.landmarks, weights)
         graph.add(PointObservation(keys, seen.identity, points, information=information))
         if len(mates):
             target = keys_of(tracks, mates.identity, mates.timestamp)
-            weights = _weights(solution, track.sighting_factors(mates, target, model.robots, True, SE2))
+            weights = _weights(solution, track.sighting_factors(mates, target, model.robots, SE2))
             points, information = _points(track, model, mates, model.robots, weights)
             padded = np.zeros((len(mates), 3, 3))
             padded[:, :2, :2] = information
@@ -76,8 +76,8 @@ def _points(
     distance, bearing = track.corrected(seen, model.calibration)
     ray = np.stack([np.cos(bearing), np.sin(bearing)], axis=1)
     across = np.stack([-ray[:, 1], ray[:, 0]], axis=1)
-    along_weight = weights[:, 0] / noise.range**2
-    across_weight = weights[:, 1] / (noise.bearing * distance) ** 2
+    along_weight = weights[:, 0] / (noise.range**2 * noise.range_repeats)
+    across_weight = weights[:, 1] / ((noise.bearing * distance) ** 2 * noise.bearing_repeats)
     information = (
         along_weight[:, None, None] * ray[:, :, None] * ray[:, None, :]
         + across_weight[:, None, None] * across[:, :, None] * across[:, None, :]

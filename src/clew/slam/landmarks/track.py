@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from clew.errors import InputError
 from clew.factors import CalibratedBearing, CalibratedRange, PreintegratedMotion
-from clew.geometry import SE2, Point2, se2, wrap
+from clew.geometry import Point2, se2, wrap
 from clew.graph import Factor
 from clew.io import SightingLog, Sightings
 from clew.motion import Preintegrated, cut, preintegrate, velocity_motion
@@ -51,8 +52,8 @@ class RobotTrack:
 
     @property
     def calibration_keys(self) -> list[int]:
-        """Keys of the six points of parameters of `Calibration.points`."""
-        return [self.log.robot * KEYS_A_ROBOT + _CALIBRATION_KEYS + k for k in range(6)]
+        """Keys of the five points of parameters of `Calibration.points`."""
+        return [self.log.robot * KEYS_A_ROBOT + _CALIBRATION_KEYS + k for k in range(5)]
 
     def until(self, timestamp: float) -> RobotTrack:
         """The part up to a time."""
@@ -74,9 +75,9 @@ class RobotTrack:
     def corrected(self, seen: Sightings, calibration: Calibration) -> tuple[Array, Array]:
         """Range and bearing ``(K,)`` from the camera that a perfect one would have measured."""
         c, (f1, f2) = calibration, self.basis(seen)
-        stretch = 1.0 + c.range_scale + c.range_slope * f1 + c.range_curve * f2
+        stretch = 1.0 + c.range_slope * f1 + c.range_curve * f2
         bearing = seen.bearing - c.bearing_offset - c.bearing_slope * f1 - c.bearing_curve * f2
-        return (seen.range - c.range_offset) / stretch, wrap(bearing)
+        return seen.range / stretch, wrap(bearing)
 
     def points(self, seen: Sightings, calibration: Calibration) -> Array:
         """What was seen ``(K, 2)``, in the frame of the robot at the time."""
@@ -124,20 +125,26 @@ class RobotTrack:
         return factor, sources
 
     def sighting_factors(
-        self, seen: Sightings, target: Indices, noise: SightingNoise, robust: bool, sees: type = Point2
+        self, seen: Sightings, target: Indices, noise: SightingNoise, sees: type[Any] = Point2
     ) -> tuple[Factor, Factor]:
-        """Factors of ranges and of bearings to targets with the given ``(K,)`` keys."""
+        """Factors of ranges and of bearings to targets with the given ``(K,)`` keys.
+
+        Student's t distribution is a robust kernel: ``-2 log p = c^2 log(1 + e^2 / (n sigma^2))`` up to a constant,
+        with ``c^2 = n + 1``, all of it divided by the number of sightings that count as one.
+        """
         keys, parameters = self.keys[self.rows(seen)], self.calibration_keys
         f1, f2 = self.basis(seen)
-        # Student's t distribution as a robust kernel: -2 log p = (n + 1) log(1 + e^2 / (n sigma^2)) + const.
-        kernel = Cauchy(float(np.sqrt(TAIL + 1.0))) if robust else None
-        shrink = float(np.sqrt(TAIL / (TAIL + 1.0))) if robust else 1.0
-        return (
-            CalibratedRange(keys, target, (parameters[2], parameters[3], parameters[5]), seen.range, f1, f2,
-                            sees=sees, sigmas=shrink * noise.range, kernel=kernel),
-            CalibratedBearing(keys, target, (parameters[4], parameters[5]), seen.bearing, f1, f2,
-                              sees=sees, sigmas=shrink * noise.bearing, kernel=kernel),
+        parts = (
+            (CalibratedRange, (2, 4), seen.range, noise.range, noise.range_repeats),
+            (CalibratedBearing, (3, 4), seen.bearing, noise.bearing, noise.bearing_repeats),
+        )
+        ranges, bearings = (
+            factor(keys, target, [parameters[k] for k in points], measured, f1, f2, sees=sees,
+                   sigmas=scale * np.sqrt(repeats * TAIL / (TAIL + 1.0)),
+                   kernel=Cauchy(np.sqrt((TAIL + 1.0) / repeats)))
+            for factor, points, measured, scale, repeats in parts
         )  # fmt: skip
+        return ranges, bearings
 
 
 def make_tracks(logs: Sequence[SightingLog]) -> tuple[RobotTrack, ...]:
@@ -174,7 +181,9 @@ def _make_track(log: SightingLog, mates: Mapping[int, Sightings]) -> RobotTrack:
     by_others = [other.timestamp[other.identity == log.robot] for other in mates.values()]
     stamps = np.unique(np.concatenate([seen.timestamp, own.timestamp, *by_others]))
     if len(stamps) < 2:
-        raise InputError(f"{log.path}: robot {log.robot} saw something at {len(stamps)} moments only; there is no map in that")
+        raise InputError(
+            f"{log.path}: robot {log.robot} saw something at {len(stamps)} moments only; there is no map in that"
+        )
     parts = np.maximum(np.ceil(np.diff(stamps) / _LONGEST_STRETCH), 1).astype(np.int64)
     start = np.repeat(np.arange(len(parts)), parts)
     share = (np.arange(len(start)) - np.repeat(np.cumsum(parts) - parts, parts)) / parts[start]
@@ -193,5 +202,3 @@ def keys_of(tracks: Sequence[RobotTrack], robot: Indices, timestamps: Array) -> 
         keys[mine] = track.keys[np.searchsorted(track.timestamps, timestamps[mine])]
     return keys
 
-
-__all__ = ["KEYS_A_ROBOT", "SE2", "TAIL", "RobotTrack", "keys_of", "make_tracks"]

@@ -1,0 +1,140 @@
+"""Landmark SLAM on real data: UTIAS MRCLAM 6, Victoria Park, and a simulated world. Prints Markdown.
+
+Run: ``python benchmarks/landmarks.py [--data FOLDER]``; the data are those of ``shared/data/landmarks``.
+"""
+
+from __future__ import annotations
+
+import argparse
+import time
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import linear_sum_assignment
+
+from clew.evaluate import absolute_trajectory_error, align
+from clew.geometry import SE2, Point2, se2
+from clew.graph import FactorGraph
+from clew.io import Features, SightingLog, mrclam_robots, read_graph, read_mrclam, read_survey
+from clew.place import Gates
+from clew.slam.landmarks import LandmarkMap, RobotEstimate, map_landmarks
+from clew.slam.landmarks.mapper import AssociationConfig, associate_features
+from clew.solve import optimize
+
+Array = NDArray[np.float64]
+DATA = Path(__file__).parents[2] / "shared" / "data" / "landmarks"
+
+
+def nees(robot: RobotEstimate, log: SightingLog) -> float:
+    """Mean normalised squared error of a robot's poses (3 if the covariances are right), after alignment."""
+    assert log.truth is not None
+    error = absolute_trajectory_error(log.truth[:, 0], log.truth[:, 1:], robot.timestamps, robot.T_world_robot)
+    moved = se2.compose(error.T_truth_estimate, robot.T_world_robot)
+    row = np.minimum(np.searchsorted(log.truth[:, 0], robot.timestamps), len(log.truth) - 1)
+    good = np.flatnonzero(np.abs(log.truth[row, 0] - robot.timestamps) < 0.05)[1:]  # the first pose is held
+    e = se2.local(moved[good], log.truth[row[good], 1:])
+    return float(np.einsum("ni,nij,nj->n", e, np.linalg.inv(robot.covariances[good]), e).mean())
+
+
+def rows_of(found: LandmarkMap, logs: list[SightingLog], label: str, seconds: float, folder: Path) -> list[str]:
+    survey = read_survey(folder)
+    assert survey is not None
+    true = survey.position[np.searchsorted(survey.identity, found.identity)]
+    off = np.linalg.norm(se2.act(align(true, found.position), found.position) - true, axis=1)
+    lines = []
+    for robot, log in zip(found.robots, logs, strict=True):
+        assert log.truth is not None
+        e = absolute_trajectory_error(log.truth[:, 0], log.truth[:, 1:], robot.timestamps, robot.T_world_robot)
+        lines.append(
+            f"| {label} | {robot.robot} | {e.translation.rmse:.3f} | {np.degrees(e.rotation.rmse):.2f} | "
+            f"{nees(robot, log):.1f} | {np.sqrt(np.mean(off**2)):.3f} | {off.max():.3f} | {seconds:.0f} |"
+        )
+    return lines
+
+
+def mrclam(folder: Path) -> None:
+    print("| run | robot | ATE m | heading deg | NEES (3) | landmarks rmse m | max m | seconds |")
+    print("| --- | --- | --- | --- | --- | --- | --- | --- |")
+    logs = [read_mrclam(folder, n) for n in mrclam_robots(folder)]
+    for label, chosen in [*(("alone", [log]) for log in logs), ("merged", logs)]:
+        begun = time.perf_counter()
+        found = map_landmarks(chosen)
+        print("\n".join(rows_of(found, chosen, label, time.perf_counter() - begun, folder)), flush=True)
+
+
+def given_association(full: FactorGraph, features: Features) -> NDArray[np.int64]:
+    """Landmark of each feature as the file with association has it."""
+    block = next(b for b in full.blocks() if b.kinds == (SE2, Point2))
+    theirs = np.lexsort((*block.measurement.T, block.keys[:, 0]))
+    ours = np.lexsort((*features.measurement.T, features.keys))
+    out = np.empty(len(ours), np.int64)
+    out[ours] = block.keys[theirs, 1]
+    return out
+
+
+def share_right(found: NDArray[np.int64], given: NDArray[np.int64]) -> float:
+    """Share of sightings whose landmark is the given one, each landmark standing for one given one at most."""
+    f, rows = np.unique(found, return_inverse=True)
+    t, columns = np.unique(given, return_inverse=True)
+    table = np.zeros((len(f), len(t)), np.int64)
+    np.add.at(table, (rows, columns), 1)
+    table[f < 0] = 0
+    return float(table[linear_sum_assignment(-table)].sum() / len(found))
+
+
+def solve_given(full: FactorGraph, poses: dict[int, Array]) -> tuple[float, Array]:
+    """Cost and poses of the graph with given association, solved from the given poses on."""
+    graph = full.copy()
+    keys = graph.keys(SE2)
+    graph.set_values(keys, np.array([poses[int(key)] for key in keys]))
+    block = next(b for b in graph.blocks() if b.kinds == (SE2, Point2))
+    seen = se2.act(graph.values(block.keys[:, 0]).array, block.measurement)
+    for key in np.unique(block.keys[:, 1]):
+        graph.set_value(int(key), np.median(seen[block.keys[:, 1] == key], axis=0))
+    solution = optimize(graph, init="file", max_iterations=300)
+    return solution.chi2, solution.values(SE2).array[np.argsort(solution.keys(SE2))]
+
+
+def association(folder: Path) -> None:
+    print("\n| data | right | landmarks | given | RMSE to given m | chi2 of given | ms a sighting |")
+    print("| --- | --- | --- | --- | --- | --- | --- |")
+    configs = {
+        "world-2000": AssociationConfig(),
+        "victoriaPark": AssociationConfig(Gates(margin=4.0), joint=False, solve_every=150),
+    }
+    for name, config in configs.items():
+        features = read_graph(folder / f"{name}-noassoc.g2o.gz")
+        full = read_graph(folder / f"{name}-full.g2o.gz").graph
+        seen = features.features
+        assert seen is not None
+        begun = time.perf_counter()
+        mapper, solution = associate_features(features.graph, seen.keys, seen.measurement, seen.information, config)
+        spent = time.perf_counter() - begun
+        keys, poses = solution.keys(SE2), solution.values(SE2).array
+        chi2, theirs = solve_given(full, dict(zip(keys.tolist(), poses, strict=True)))
+        own = poses[np.argsort(keys)]
+        shift = align(theirs[:, :2], own[:, :2])
+        rmse = np.sqrt(np.mean(np.sum((se2.act(shift, own[:, :2]) - theirs[:, :2]) ** 2, axis=1)))
+        given = given_association(full, seen)
+        print(
+            f"| {name} | {100 * share_right(mapper.landmarks, given):.2f} % | "
+            f"{len(np.unique(mapper.landmarks[mapper.landmarks >= 0]))} | {len(np.unique(given))} | {rmse:.3f} | "
+            f"{chi2:.3f} | {1e3 * spent / len(given):.2f} |",
+            flush=True,
+        )
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--data", type=Path, default=DATA)
+    parser.add_argument("--only", choices=("mrclam", "association"))
+    options = parser.parse_args()
+    if options.only != "association":
+        mrclam(options.data / "MRCLAM_Dataset6")
+    if options.only != "mrclam":
+        association(options.data)
+
+
+if __name__ == "__main__":
+    main()

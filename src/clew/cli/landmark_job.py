@@ -1,0 +1,152 @@
+"""The job of `clew run` on a folder of robots that recognise landmarks."""
+
+from __future__ import annotations
+
+import csv
+import json as json_
+import sys
+import time
+from collections import Counter
+from pathlib import Path
+
+import numpy as np
+from rich.console import Console
+
+from clew._version import __version__
+from clew.cli.outputs import write_summary
+from clew.errors import InputError
+from clew.evaluate import absolute_trajectory_error, align
+from clew.geometry import se2
+from clew.io import (
+    SightingLog,
+    SurveyedLandmarks,
+    atomic_write,
+    ensure_output_folder,
+    mrclam_robots,
+    read_mrclam,
+    read_survey,
+    write_graph,
+    write_tum,
+)
+from clew.slam.landmarks import LandmarkMap, map_landmarks
+from clew.view import save_landmarks_png
+
+
+def run_landmarks(folder: Path, out: Path, robot: int | None, json: bool, quiet: bool) -> None:
+    """Map what one robot of a folder saw, or all of them together, and write everything into the output folder.
+
+    Writes ``trajectory.tum`` (one a robot, ``trajectory_robotN.tum``, for several), ``graph.g2o``, ``landmarks.csv``,
+    ``landmarks.png`` and ``summary.json``.
+
+    Args:
+        folder: a folder of the UTIAS MRCLAM data (`clew.io.is_mrclam`).
+        out: output folder; made if it is not there.
+        robot: number of the robot, or None for all.
+        json: print the summary as JSON.
+        quiet: print nothing but errors.
+
+    Raises:
+        InputError: files that are missing or broken, a robot that is not there or saw too little, or robots that have
+            no landmarks in common.
+    """
+    numbers = (robot,) if robot is not None else mrclam_robots(folder)
+    if not numbers:
+        raise InputError(f"{folder}: holds no RobotN_Odometry.dat; give a folder of the UTIAS MRCLAM data")
+    console = Console(stderr=True, quiet=quiet)
+    begun = time.perf_counter()
+    with console.status(f"reading {folder.name}"):
+        logs = [read_mrclam(folder, number) for number in numbers]
+        survey = read_survey(folder)
+    ensure_output_folder(out)
+    with console.status("mapping"):
+        found = map_landmarks(logs)
+    summary = {"log": folder.name, **_summary(found, logs, survey), "version": __version__}
+    summary["wall_seconds"] = round(time.perf_counter() - begun, 3)
+    _write(found, folder.name, out)
+    write_summary(summary, out / "summary.json")
+    if json:
+        sys.stdout.write(json_.dumps(summary) + "\n")
+    _report(summary, out, console)
+
+
+def _write(found: LandmarkMap, name: str, out: Path) -> None:
+    alone = len(found.robots) == 1
+    for robot in found.robots:
+        file = "trajectory.tum" if alone else f"trajectory_robot{robot.robot}.tum"
+        write_tum(out / file, robot.timestamps, robot.T_world_robot)
+    write_graph(out / "graph.g2o", found.graph)
+    write_landmarks(found, out / "landmarks.csv")
+    save_landmarks_png(
+        out / "landmarks.png",
+        [(f"robot {robot.robot}", robot.T_world_robot[:, :2]) for robot in found.robots],
+        found.position, found.covariance, [str(number) for number in found.identity], name,
+        f"{sum(len(r.timestamps) for r in found.robots):,} poses, {int(found.sightings.sum()):,} sightings of "
+        f"{len(found.identity)} landmarks",
+    )  # fmt: skip
+
+
+def write_landmarks(found: LandmarkMap, path: Path) -> None:
+    """Identity, position, covariance and sightings of each landmark, one a row; metres."""
+    with atomic_write(path) as file:
+        writer = csv.writer(file, lineterminator="\n")
+        writer.writerow(["identity", "x", "y", "cov_xx", "cov_xy", "cov_yy", "sightings"])
+        rows = zip(found.identity, found.position, found.covariance, found.sightings, strict=True)
+        for identity, (x, y), c, sightings in rows:
+            numbers = (x, y, c[0, 0], c[0, 1], c[1, 1])
+            writer.writerow([int(identity), *(f"{number:.9g}" for number in numbers), int(sightings)])
+
+
+def _summary(
+    found: LandmarkMap, logs: list[SightingLog], survey: SurveyedLandmarks | None
+) -> dict[str, object]:
+    skipped: Counter[str] = Counter()
+    for log in logs:
+        skipped += log.report.skipped
+    robots = []
+    for robot, log in zip(found.robots, logs, strict=True):
+        entry: dict[str, object] = {
+            "robot": robot.robot,
+            "poses": len(robot.timestamps),
+            "landmark_sightings": len(log.landmarks),
+            "robot_sightings": len(log.robots),
+            "model": robot.model.to_dict(),
+        }
+        if log.truth is not None:
+            error = absolute_trajectory_error(log.truth[:, 0], log.truth[:, 1:], robot.timestamps, robot.T_world_robot)
+            entry["ate_m"] = round(error.translation.rmse, 4)
+        robots.append(entry)
+    summary: dict[str, object] = {
+        "robots": robots,
+        "landmarks": len(found.identity),
+        "sightings": int(found.sightings.sum()),
+        "chi2": found.solution.chi2,
+        "status": found.solution.status.name,
+        "skipped": dict(sorted(skipped.items())),
+    }
+    common = [] if survey is None else [i for i in found.identity.tolist() if i in survey.identity]
+    if survey is not None and len(common) >= 2:
+        own = found.position[np.isin(found.identity, common)]
+        true = survey.position[[survey.identity.tolist().index(i) for i in common]]
+        errors = np.linalg.norm(se2.act(align(true, own), own) - true, axis=1)
+        summary["landmark_error_m"] = {
+            "rmse": round(float(np.sqrt(np.mean(errors**2))), 4), "max": round(float(errors.max()), 4),
+        }  # fmt: skip
+    return summary
+
+
+def _report(summary: dict[str, object], out: Path, console: Console) -> None:
+    robots = summary["robots"]
+    assert isinstance(robots, list)
+    for robot in robots:
+        error = f", error against the truth {robot['ate_m']} m (ATE, RMSE)" if "ate_m" in robot else ""
+        console.print(
+            f"robot {robot['robot']}: {robot['poses']} poses, {robot['landmark_sightings']} sightings of landmarks, "
+            f"{robot['robot_sightings']} of robots{error}",
+            highlight=False,
+        )
+    console.print(f"{summary['landmarks']} landmarks, {summary['wall_seconds']} s", highlight=False)
+    skipped = summary["skipped"]
+    assert isinstance(skipped, dict)
+    if skipped:
+        console.print("left out: " + ", ".join(f"{n} {reason}" for reason, n in skipped.items()), highlight=False)
+    console.print(f"look at {out / 'landmarks.png'}; everything else is beside it", highlight=False)

@@ -1,0 +1,116 @@
+"""Association: gates, exclusive pairing, joint compatibility."""
+
+from __future__ import annotations
+
+from itertools import product
+
+import numpy as np
+import pytest
+
+from clew.place import NEW, UNCLEAR, Gates, chi_square_limit, compatibility, joint_compatibility, nearest_neighbour
+
+GATES = Gates()
+
+
+def test_the_gate_is_the_quantile() -> None:
+    assert chi_square_limit(0.99, 2) == pytest.approx(9.2103, abs=1e-4)
+    assert chi_square_limit(0.95, 4) == pytest.approx(9.4877, abs=1e-4)
+
+
+def test_distances_are_those_of_the_textbook() -> None:
+    rng = np.random.default_rng(0)
+    z, predicted = rng.standard_normal((3, 2)), rng.standard_normal((4, 2))
+    roots = rng.standard_normal((7, 2, 2))
+    spd = roots @ np.swapaxes(roots, 1, 2) + 0.1 * np.eye(2)
+    distance, likelihood = compatibility(z, predicted, spd[:4], spd[4:])
+    for m, j in product(range(3), range(4)):
+        total, e = spd[j] + spd[4 + m], z[m] - predicted[j]
+        assert distance[m, j] == pytest.approx(e @ np.linalg.inv(total) @ e)
+        assert likelihood[m, j] == pytest.approx(distance[m, j] + np.log(np.linalg.det(total)))
+
+
+def unit(count: int, variance: float = 0.01) -> np.ndarray:
+    return np.tile(variance * np.eye(2), (count, 1, 1))
+
+
+def test_known_unclear_and_new() -> None:
+    sigma = np.sqrt(0.02)
+    z = np.array([[0.0, 0.0], [3.3 * sigma, 0.0], [5.0, 5.0]])
+    found = [int(nearest_neighbour(row[None], np.zeros((1, 2)), unit(1), unit(1), GATES)[0]) for row in z]
+    assert found == [0, UNCLEAR, NEW]
+    assert nearest_neighbour(z, np.zeros((0, 2)), unit(0), unit(3), GATES).tolist() == [NEW] * 3
+
+
+def test_two_sightings_of_one_moment_are_two_landmarks() -> None:
+    predicted = np.array([[0.0, 0.0], [0.3, 0.0]])
+    z = np.array([[0.12, 0.0], [0.1, 0.0]])  # both are nearer to the first
+    found = nearest_neighbour(z, predicted, unit(2), unit(2), GATES)
+    assert sorted(found.tolist()) == [0, 1]
+    assert found[0] == 1
+
+
+def test_an_ambiguous_sighting_can_be_left_alone() -> None:
+    predicted = np.array([[0.0, 0.0], [0.2, 0.0]])
+    z = np.array([[0.09, 0.0]])
+    assert nearest_neighbour(z, predicted, unit(2), unit(1), GATES)[0] == 0
+    assert nearest_neighbour(z, predicted, unit(2), unit(1), Gates(margin=3.0))[0] == UNCLEAR
+
+
+def test_joint_compatibility_sees_through_a_shifted_pose() -> None:
+    """Four landmarks in a row, the robot half a space off: nearest neighbours are wrong, the constellation is not."""
+    predicted = np.array([[0.0, 0.0], [1.0, 0.0], [2.0, 0.0], [2.7, 0.6]])
+    shift = np.array([0.6, 0.0])
+    z = predicted[[0, 1, 3]] + shift
+    common = np.tile(0.25 * np.eye(2), (4, 4))  # a wrong pose moves all predictions alike
+    joint = common + 1e-4 * np.eye(8)
+    noise = unit(3, 1e-4)
+    own = np.array([joint[2 * j : 2 * j + 2, 2 * j : 2 * j + 2] for j in range(4)])
+    assert joint_compatibility(z, predicted, joint, noise, GATES).tolist() == [0, 1, 3]
+    assert nearest_neighbour(z, predicted, own, noise, GATES).tolist() != [0, 1, 3]
+
+
+def test_branch_and_bound_finds_what_trying_all_finds() -> None:
+    rng = np.random.default_rng(7)
+    for _ in range(60):
+        count, known = int(rng.integers(1, 4)), int(rng.integers(1, 5))
+        predicted = rng.uniform(0.0, 1.5, (known, 2))
+        root = 0.25 * rng.standard_normal((2 * known, 2 * known))
+        joint = root @ root.T + 1e-3 * np.eye(2 * known)
+        z, noise = rng.uniform(0.0, 1.5, (count, 2)), unit(count)
+        found = joint_compatibility(z, predicted, joint, noise, GATES)
+        best = (-1, 0.0)
+        for choice in product(range(-1, known), repeat=count):
+            rows = [r for r, j in enumerate(choice) if j >= 0]
+            picked = [choice[r] for r in rows]
+            if len(set(picked)) < len(picked):
+                continue
+            rank = (len(rows), -_distance(z, predicted, joint, noise, rows, picked))
+            if _admissible(z, predicted, joint, noise, rows, picked) and rank > best:
+                best = rank
+        rows = [r for r in range(count) if found[r] >= 0]
+        rank = (len(rows), -_distance(z, predicted, joint, noise, rows, found[rows].tolist()))
+        assert rank[0] == best[0]
+        assert rank[1] == pytest.approx(best[1])
+
+
+def _distance(z, predicted, joint, noise, rows, picked) -> float:  # type: ignore[no-untyped-def]  # test helper
+    if not rows:
+        return 0.0
+    scalars = np.concatenate([[2 * j, 2 * j + 1] for j in picked])
+    covariance = joint[np.ix_(scalars, scalars)].copy()
+    for place, row in enumerate(rows):
+        covariance[2 * place : 2 * place + 2, 2 * place : 2 * place + 2] += noise[row]
+    e = (z[rows] - predicted[picked]).reshape(-1)
+    return float(e @ np.linalg.inv(covariance) @ e)
+
+
+def _admissible(z, predicted, joint, noise, rows, picked) -> bool:  # type: ignore[no-untyped-def]  # test helper
+    """Each pair passes its own gate, and each prefix the joint one."""
+    singles = all(
+        _distance(z, predicted, joint, noise, [r], [j]) <= GATES.known for r, j in zip(rows, picked, strict=True)
+    )
+    probability = 1.0 - np.exp(-GATES.known / 2.0)
+    return singles and all(
+        _distance(z, predicted, joint, noise, rows[:k], picked[:k]) <= chi_square_limit(probability, 2 * k)
+        for k in range(1, len(rows) + 1)
+    )
