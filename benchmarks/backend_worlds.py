@@ -69,8 +69,8 @@ def _measure(poses: int, queue: multiprocessing.Queue[tuple[float, ...]]) -> Non
 
 
 def scaling(sizes: list[int]) -> list[str]:
-    """Rows of a Markdown table: one size a row, each measured in a process of its own."""
-    lines = ["| poses | edges | default solve, s | iterations | s / iteration | peak memory of the process, MB | chi2 / edge |",
+    """Rows of a Markdown table: one size a row, each measured in a process of its own (whose peak memory it is)."""
+    lines = ["| poses | edges | default solve, s | iterations | s / iteration | peak memory, MB | chi2 / edge |",
              "| --- | --- | --- | --- | --- | --- | --- |"]
     context = multiprocessing.get_context("spawn")
     for poses in sizes:
