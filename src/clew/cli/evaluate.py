@@ -59,6 +59,11 @@ def evaluate(
     if relations is not None:
         of_relations = relation_errors(timestamps, poses, read_relations(relations),
                                        tolerance=0.5 if tolerance is None else tolerance)
+        if not of_relations.used:
+            raise InputError(
+                f"{relations}: none of its {of_relations.unused} relations has poses of {trajectory} near both of its "
+                "times; give relations of the same log"
+            )
         report["relations"] = of_relations.to_dict()
         rows.append(("relations", of_relations.used, of_relations.unused, of_relations.translation,
                      of_relations.rotation))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json as json_
 import sys
+import time
 from pathlib import Path
 
 import numpy as np
@@ -29,6 +30,7 @@ def run_log(
         raise InputError(
             f"--resolution {resolution:g}: give metres a cell between {LEAST_RESOLUTION:g} and {LARGEST_RESOLUTION:g}"
         )
+    begun = time.perf_counter()
     console = Console(stderr=True, quiet=quiet)
     with console.status(f"reading {path.name}"):
         log = open_log(path, scan_topic=scan_topic, odometry_topic=odometry_topic)
@@ -38,7 +40,7 @@ def run_log(
             "or estimate the motion from the scans alone with --no-odometry"
         )
     ensure_output_folder(out)
-    result = map_log(log, JobOptions(out, path.name, refine, odometry, resolution, quiet), console)
+    result = map_log(log, JobOptions(out, path.name, refine, odometry, resolution, quiet), console, begun)
     _finish(result, {"log": path.name}, out, log, json, console)
 
 

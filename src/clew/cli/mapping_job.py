@@ -17,6 +17,7 @@ from clew.cli.process import peak_memory_mb
 from clew.cli.progress import job_progress
 from clew.errors import InputError
 from clew.motion import Odometry
+from clew.place import Verdict
 from clew.scan import LaserScan
 from clew.slam import Slam, SlamConfig
 
@@ -61,13 +62,19 @@ class JobResult:
     interrupted: bool
 
 
-def map_log(log: Source, options: JobOptions, console: Console) -> JobResult:
+def map_log(log: Source, options: JobOptions, console: Console, begun: float | None = None) -> JobResult:
     """Estimate, refine, map and write everything into the output folder, which exists.
+
+    Args:
+        log: what the robot recorded.
+        options: see `JobOptions`.
+        console: where progress goes.
+        begun: `time.perf_counter` when the job began, for its duration; now unless given.
 
     Raises:
         InputError: the log holds no usable scan, or a file cannot be written.
     """
-    begun = time.perf_counter()
+    begun = time.perf_counter() if begun is None else begun
     slam = Slam(SlamConfig(map_resolution=options.resolution), use_odometry=options.odometry)
     left_out: Counter[str] = Counter()
     with Interrupt() as interrupt, job_progress(console, log.scan_count, options.quiet) as progress:
@@ -93,6 +100,8 @@ def map_log(log: Source, options: JobOptions, console: Console) -> JobResult:
             )
         if options.refine and not stopped:
             slam.refine(progress.refining)
+        else:
+            slam.optimise()
         progress.writing()
         estimated = time.perf_counter() - begun
         grid = write_outputs(slam, options.out, options.title)
@@ -103,7 +112,7 @@ def map_log(log: Source, options: JobOptions, console: Console) -> JobResult:
         "scans": slam.scan_count,
         "keyframes": len(slam.keyframes),
         "closures_accepted": len(slam.closures),
-        "closures_rejected": len(slam.rejected_closures),
+        "closures_rejected": sum(c.verdict is not Verdict.REDUNDANT for c in slam.rejected_closures),
         "log_seconds": round(log_seconds, 3),
         "wall_seconds": round(wall, 3),
         "estimate_seconds": round(estimated, 3),

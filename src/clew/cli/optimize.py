@@ -89,12 +89,15 @@ def optimize(
     """
     clock = _Clock()
     from clew.cli.solution_outputs import draw, format_of, write_marginals, write_result
+    from clew.errors import InputError
     from clew.io import read_graph
+    from clew.solve import Status
     from clew.solve import optimize as solve
 
     kernel = None if robust is None else parse_kernel(robust)
     if output is not None:
-        format_of(output)  # a wrong ending shall not cost a solve
+        format_of(output)
+    check_outputs(output, marginals, plot)  # a wrong name shall not cost a solve
     clock.skip()
     file = read_graph(graph)
     clock.lap("read")
@@ -114,12 +117,33 @@ def optimize(
         write_result(output, file, solution)
     clock.lap("write")
     if marginals is not None:
+        if solution.status is Status.UNDERCONSTRAINED:
+            free = " ".join(solution.diagnosis)
+            raise InputError(f"{graph}: no marginals, the measurements leave variables free: {free}")
         write_marginals(marginals, solution)
     clock.lap("marginals")
     if plot is not None:
         draw(plot, solution, ellipses=marginals is not None)
     seconds = clock.finish()
     typer.echo(_as_json(file, solution, seconds) if as_json else _as_text(file, solution, seconds))
+
+
+def check_outputs(output: Path | None, marginals: Path | None, plot: Path | None) -> None:
+    """Refuse outputs that would overwrite each other or cannot be written.
+
+    Raises:
+        InputError: two outputs of one name, a picture that is no PNG, or a folder that is missing.
+    """
+    from clew.errors import InputError
+
+    if plot is not None and plot.suffix.lower() != ".png":
+        raise InputError(f"{plot}: pictures are PNG files; give a name that ends in .png")
+    given = [path for path in (output, marginals, plot) if path is not None]
+    if len({path.resolve() for path in given}) < len(given):
+        raise InputError(f"{given[0]}: two outputs have one name; give each its own")
+    for path in given:
+        if not path.resolve().parent.is_dir():
+            raise InputError(f"{path}: the folder {path.parent} does not exist; make it first")
 
 
 def parse_kernel(text: str) -> Kernel:

@@ -9,7 +9,9 @@ import typer
 
 
 def run(
-    log: Annotated[Path, typer.Argument(metavar="LOG", show_default=False, help="CARMEN log, ROS bag, or MRCLAM folder.")],
+    log: Annotated[
+        Path, typer.Argument(metavar="LOG", show_default=False, help="CARMEN log, ROS bag, or MRCLAM folder.")
+    ],
     out: Annotated[Path, typer.Option("-o", "--out", metavar="OUT", show_default=False, help="Output folder.")],
     refine: Annotated[
         bool, typer.Option("--refine/--no-refine", help="Refine all scans jointly at the end.")
@@ -25,7 +27,7 @@ def run(
         str | None, typer.Option(metavar="TOPIC", show_default=False, help="Topic of the odometry of a bag.")
     ] = None,
     robot: Annotated[
-        int | None, typer.Option(metavar="N", show_default=False, help="Robot of an MRCLAM folder; all by default.")
+        int | None, typer.Option(metavar="N", show_default=False, help="Robot of an MRCLAM folder; default: all.")
     ] = None,
     json: Annotated[bool, typer.Option("--json", help="Print the summary as JSON.")] = False,
     quiet: Annotated[bool, typer.Option("-q", "--quiet", help="Print nothing but errors.")] = False,
@@ -39,7 +41,7 @@ def run(
     A folder of the UTIAS MRCLAM data (odometry and sightings of landmarks) gives landmarks.csv and landmarks.png in
     place of the map, for one robot or for all of them in one graph; the options of laser logs do not concern it.
 
-    **OUT** receives trajectory.tum (a pose for every scan), graph.g2o, map.pgm and map.yaml (for ROS),
+    **OUT** receives trajectory.tum (a pose for every scan), keyframes.tum, graph.g2o, map.pgm and map.yaml (for ROS),
     map.png, overview.png (look at this first), closures.csv and summary.json.
 
     **Examples**

@@ -26,6 +26,7 @@ class VerificationOptions:
         overlap: least share of the query's points with a partner.
         rms: largest residual along the normals, metres.
         contradiction: largest share of returns in free space.
+        radius_start, radius_end: partners are sought within these in the alignment, metres.
         voxel: for the search the query is thinned to one point per square of this side,
         fine_voxel: and for the alignment of this one, metres.
     """
@@ -37,11 +38,10 @@ class VerificationOptions:
     overlap: float = 0.55
     rms: float = 0.035
     contradiction: float = 0.15
+    radius_start: float = 0.35
+    radius_end: float = 0.15
     voxel: float = 0.2
     fine_voxel: float = 0.1
-
-
-ALIGNMENT = AlignmentOptions(radius_start=0.35, radius_end=0.15)
 
 
 def verify(
@@ -53,6 +53,7 @@ def verify(
     prior_information: Array,
     similarity: float,
     options: VerificationOptions,
+    alignment: AlignmentOptions,
 ) -> Closure:
     """Match a query against a submap within a window, and weigh the evidence of the two alone.
 
@@ -64,6 +65,8 @@ def verify(
         prior_information: ``(3, 3)`` of `T_predicted`, in units of the returns' information. It decides only where
             the returns do not, as along a bare corridor.
         similarity: cosine of the descriptors, kept as evidence.
+        options: see `VerificationOptions`.
+        alignment: how returns are weighted in the alignment.
     """
     thinned = merge_surfels(query, options.voxel)
     closure = Closure(source, submap.keyframe, similarity, Verdict.NO_MATCH, T_predicted, np.zeros((3, 3)))
@@ -83,7 +86,8 @@ def verify(
     fine = align(
         submap.index, SourceClouds.single(merge_surfels(query, options.fine_voxel)), np.zeros((1, 2), dtype=np.int32),
         best.T_target_source[None],
-        T_prior=T_predicted[None], prior_information=prior_information[None], options=ALIGNMENT,
+        T_prior=T_predicted[None], prior_information=prior_information[None],
+        options=replace(alignment, radius_start=options.radius_start, radius_end=options.radius_end),
     )  # fmt: skip
     T = fine.T_target_source[0]
     error = se2.between(T_predicted, T)

@@ -134,7 +134,15 @@ class RefinementOptions:
 
 @dataclass(frozen=True)
 class SlamConfig:
-    """All that can be set; the defaults are meant for every log."""
+    """All that can be set; the defaults are meant for every log.
+
+    Attributes:
+        cleaning, odometry, tracking, closing, verification, consistency, refinement: the parts of the pipeline.
+        alignment: how returns are weighted wherever scans are aligned; closing and refining seek partners within
+            radii of their own.
+        map_resolution: side of a cell of the map, metres.
+        threads: threads of the refinement; the result does not depend on them.
+    """
 
     cleaning: CleaningOptions = field(default_factory=CleaningOptions)
     odometry: OdometryNoise = field(default_factory=OdometryNoise)

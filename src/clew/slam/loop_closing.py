@@ -13,7 +13,7 @@ from clew.geometry import se2
 from clew.place import Closure, Submap, Verdict, agree, build_submap, describe, similarity, verify
 from clew.slam.config import SlamConfig
 from clew.slam.keyframes import KeyframeStore
-from clew.slam.pose_graph import PoseGraph
+from clew.slam.pose_graph import LEAST_INFORMATION, PoseGraph
 
 Array = NDArray[np.float64]
 
@@ -60,7 +60,10 @@ class LoopCloser:
         return self._rejected + self._waiting
 
     def attempt(self) -> bool:
-        """Look for closures of the newest keyframe; whether the graph was changed and optimised."""
+        """Look for closures of the newest keyframe; whether keyframes have moved.
+
+        Closures that change next to nothing are optimised a few at a time (`settle`).
+        """
         options = self._config.closing
         source = len(self._keyframes) - 1
         path = self._keyframes[source].path
@@ -87,7 +90,7 @@ class LoopCloser:
             closure = verify(
                 self._submap(int(anchors[i])), query, source, T_predicted, window,
                 np.linalg.inv(covariances[i] + FLOOR) / options.information_scale, float(alike[i]),
-                self._config.verification,
+                self._config.verification, self._config.alignment,
             )  # fmt: skip
             proposals.append(self._gate(closure, T_predicted, covariances[i]))
         return self._decide(proposals)
@@ -212,10 +215,15 @@ class LoopCloser:
         settled = best.innovation[0] < options.settled[0] and best.innovation[1] < options.settled[1]
         if settled and self._pending < options.batch:
             return False
-        self._pending = 0
-        self._graph.optimise()
-        self._withdraw()
+        self.settle()
         return True
+
+    def settle(self) -> None:
+        """Optimise with the closures that were accepted since the last time, and withdraw what no longer fits."""
+        if self._pending:
+            self._pending = 0
+            self._graph.optimise()
+            self._withdraw()
 
     def _is_tracked(self, closure: Closure) -> bool:
         distance, angle = self._config.closing.tracked
@@ -239,8 +247,7 @@ class LoopCloser:
         self._waiting = [w for w in self._waiting if self._keyframes[w.source].path >= path]
 
     def _accept(self, closure: Closure) -> None:
-        information = self._config.closing.information_scale * closure.information
-        information = information + np.diag([1e-3, 1e-3, 1e-3])
+        information = self._config.closing.information_scale * closure.information + LEAST_INFORMATION
         closure = replace(closure, verdict=Verdict.CONFIRMED)
         self._accepted.append(_Accepted(closure, self._graph.add_closure(closure, information)))
 
@@ -251,7 +258,8 @@ class LoopCloser:
         poses = self._graph.poses
         closures = [a.closure for a in self._accepted]
         measured = np.stack([c.T_target_source for c in closures])
-        information = self._config.closing.information_scale * np.stack([c.information for c in closures])
+        scale = self._config.closing.information_scale
+        information = scale * np.stack([c.information for c in closures]) + LEAST_INFORMATION
         between = se2.between(poses[[c.target for c in closures]], poses[[c.source for c in closures]])
         error = se2.between(measured, between)
         residual = np.einsum("mi,mij,mj->m", error, information, error)

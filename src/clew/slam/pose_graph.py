@@ -15,6 +15,7 @@ from clew.solve import Solution, optimize
 
 Array = NDArray[np.float64]
 
+LEAST_INFORMATION = np.diag([1e-3, 1e-3, 1e-3])  # of any edge, so that none leaves a direction open
 FACTORISE_AFTER = 10  # keyframes; until then uncertainty is carried on along the odometry edges
 
 

@@ -8,6 +8,7 @@ of its returns. Solving the graph and aligning again from the new poses is repea
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,9 +18,10 @@ from clew.factors import Between
 from clew.geometry import SE2, se2
 from clew.graph import FactorGraph, Role
 from clew.noise import Cauchy
-from clew.scan import AlignmentOptions, IndexedClouds, align, index_cloud, join
+from clew.scan import IndexedClouds, align, index_cloud, join
 from clew.slam.config import SlamConfig
 from clew.slam.keyframes import KeyframeStore
+from clew.slam.pose_graph import LEAST_INFORMATION
 from clew.solve import optimize
 
 Array = NDArray[np.float64]
@@ -27,7 +29,6 @@ Array = NDArray[np.float64]
 RADII = ((0.3, 0.15), (0.2, 0.1), (0.1, 0.08))  # metres; the search for partners narrows from round to round
 WEAK_PRIOR = np.diag([1 / 0.05**2, 1 / 0.05**2, 1 / 0.02**2])  # keeps a pair in place where its returns say nothing
 RECENT = 10  # keyframes on the same stretch of path
-LEAST_INFORMATION = np.diag([1e-3, 1e-3, 1e-3])
 KERNEL = 3.0
 
 
@@ -103,7 +104,7 @@ def _pair_factor(clouds: IndexedClouds, poses: Array, round_: int, config: SlamC
     fine = align(
         clouds, clouds.as_sources(), pairs, T_start,
         prior_information=np.broadcast_to(WEAK_PRIOR, (len(pairs), 3, 3)),
-        options=AlignmentOptions(radius_start=start, radius_end=end), threads=config.threads,
+        options=replace(config.alignment, radius_start=start, radius_end=end), threads=config.threads,
     )  # fmt: skip
     good = fine.overlap >= options.overlap
     if not good.any():

@@ -123,11 +123,16 @@ class Slam:
             self._closer.attempt()
         return self.pose
 
+    def optimise(self) -> None:
+        """Move all keyframes to where odometry and closures agree best, the latest closures included."""
+        self._closer.settle()
+        self._pose_graph.optimise()
+
     def refine(self, progress: Callable[[int, int], None] | None = None) -> None:
         """Optimise, and refine all keyframes jointly against all scans that they overlap with (`slam.refine`)."""
         if len(self._keyframes) < 2:
             return
-        self._pose_graph.optimise()
+        self.optimise()
         self._refined = refine(self._keyframes, self._pose_graph.graph, self.config, progress)
         self._pose_graph.set_poses(np.asarray(self._refined.values(SE2).array))
 

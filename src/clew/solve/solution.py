@@ -29,7 +29,7 @@ class Solution:
         status: how the solve ended; ``status.value`` is a sentence.
         chi2_history: cost of the initial guess and after each accepted step, ``sum rho(e^T Omega e)``.
         iterations: steps tried.
-        init: initial guess that was used ("file", "tree" or "rotation").
+        init: initial guess that was used ("file", "tree", "rotation" or "sequential").
         seconds: time by stage: compile, initialise, linearise, factorise, total.
         free_parts: connected parts of the graph that, at the initial values, nothing ties to the world, and
             what was held.
