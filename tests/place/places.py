@@ -35,7 +35,7 @@ def submap_of(segments: Array, count: int = 5) -> Submap:
     """Submap of scans along a line of 1 m about the origin, anchored there."""
     poses = np.column_stack([np.linspace(-0.5, 0.5, count), np.zeros(count), np.linspace(-0.2, 0.2, count)])
     clouds = [points_of(segments, pose, seed) for seed, pose in enumerate(poses)]
-    return build_submap(7, np.arange(count), clouds, poses, np.zeros((count, 3)))
+    return build_submap(7, clouds, poses, np.zeros((count, 3)))
 
 
 def matched(submap: Submap, query: ScanPoints, T_predicted: Array, half: tuple[float, float, float] = (1.5, 1.5, 0.4),

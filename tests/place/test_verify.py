@@ -95,9 +95,9 @@ def test_submap_of_a_mounted_laser_is_the_same_place() -> None:
 
     T_robot_sensor = np.array([0.4, 0.2, 0.5])
     at_sensor = points_of(ROOM, np.zeros(3), 0)
-    members, T = np.array([0]), np.zeros((1, 3))
-    plain = build_submap(0, members, [at_sensor], T, T)
-    mounted = build_submap(0, members, [at_sensor.transformed(T_robot_sensor)],
+    T = np.zeros((1, 3))
+    plain = build_submap(0, [at_sensor], T, T)
+    mounted = build_submap(0, [at_sensor.transformed(T_robot_sensor)],
                            se2.inverse(T_robot_sensor)[None], T_robot_sensor[None])
     np.testing.assert_allclose(mounted.surfels.points, plain.surfels.points, atol=1e-9)
     np.testing.assert_allclose(mounted.rays.T_world_sensor, plain.rays.T_world_sensor, atol=1e-12)

@@ -124,6 +124,7 @@ def optimize(
     clock.lap("marginals")
     if plot is not None:
         draw(plot, solution, ellipses=marginals is not None)
+        clock.lap("plot")
     seconds = clock.finish()
     typer.echo(_as_json(file, solution, seconds) if as_json else _as_text(file, solution, seconds))
 

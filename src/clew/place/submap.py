@@ -39,13 +39,11 @@ class Submap:
 
     Attributes:
         keyframe: index of the keyframe whose frame it is (its anchor).
-        members: indices of the keyframes that it is made of.
         surfels: the points, in the anchor's frame.
         rays: the same returns before merging, with the positions of the sensor.
     """
 
     keyframe: int
-    members: NDArray[np.int64]
     surfels: ScanPoints
     rays: RayBatch
 
@@ -90,7 +88,6 @@ def surfels_of(clouds: Sequence[ScanPoints], T_anchor_keyframe: Array, voxel: fl
 
 def build_submap(
     keyframe: int,
-    members: NDArray[np.int64],
     clouds: Sequence[ScanPoints],
     T_anchor_keyframe: Array,
     T_robot_sensor: Array,
@@ -99,8 +96,7 @@ def build_submap(
 
     Args:
         keyframe: index of the anchor.
-        members: ``(M,)`` indices of the keyframes.
-        clouds: their points, each in its robot's frame.
+        clouds: points of the ``M`` keyframes, each in its robot's frame.
         T_anchor_keyframe: ``(M, 3)`` their poses in the anchor's frame.
         T_robot_sensor: ``(M, 3)`` where the laser sat on the robot.
     """
@@ -114,4 +110,4 @@ def build_submap(
         np.concatenate(endpoints),
         np.ones(offsets[-1], dtype=np.bool_),
     )
-    return Submap(keyframe, members, surfels_of(clouds, T_anchor_keyframe), rays)
+    return Submap(keyframe, surfels_of(clouds, T_anchor_keyframe), rays)

@@ -159,7 +159,7 @@ class LoopCloser:
             return self._submaps[anchor]
         members = self._members(anchor)
         submap = build_submap(
-            anchor, members, self._keyframes.clouds(members), self._keyframes.relative(anchor, members),
+            anchor, self._keyframes.clouds(members), self._keyframes.relative(anchor, members),
             self._keyframes.sensors(members),
         )  # fmt: skip
         self._submaps[anchor] = submap

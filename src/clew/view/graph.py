@@ -32,6 +32,7 @@ from clew.view.style import (
 
 Array = NDArray[np.float64]
 
+_MOST_ELLIPSES = 60
 _WIDEST, _HIGHEST = 1800, 1500  # of the graph, pixels
 _NARROWEST, _LOWEST = 1000, 400
 _HEAD = 100  # strip for the heading, pixels
@@ -63,7 +64,7 @@ def plot_graph(
             positions of both ends of its edges.
         points_xy: ``(P, 2)`` or ``(P, 3)`` positions of landmarks.
         covariances: ``(N, 2, 2)`` covariances of the poses' positions in the world frame, for graphs in the
-            plane; drawn as ellipses that hold 95 %.
+            plane; drawn as ellipses that hold 95 %, spread over the poses where there are many.
         title: heading, one line.
 
     Raises:
@@ -79,7 +80,9 @@ def plot_graph(
         poses, points = poses @ _ISOMETRIC, points @ _ISOMETRIC
         edges = {role: ends @ _ISOMETRIC for role, ends in edges.items()}
 
-    outlines = np.zeros((0, 1, 2)) if covariances is None else ellipse_outlines(poses, covariances)
+    every = -(-len(poses) // _MOST_ELLIPSES) or 1  # more would hide the graph
+    outlines = (np.zeros((0, 1, 2)) if covariances is None
+                else ellipse_outlines(poses[::every], covariances[::every]))
     drawn = np.concatenate([poses, points, *(ends.reshape(-1, 2) for ends in (*edges.values(), outlines))])
     low, high = (drawn.min(axis=0), drawn.max(axis=0)) if len(drawn) else (np.zeros(2), np.ones(2))
     span = np.maximum(high - low, 1e-3 * max(1.0, float((high - low).max())))
