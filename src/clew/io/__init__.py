@@ -2,6 +2,7 @@
 
 from clew.io.atomic import atomic_write, atomic_write_binary, ensure_output_folder
 from clew.io.graph_file import Features, GraphFile, GraphReport
+from clew.io.health import LaserHealth, LogHealth, StreamHealth, log_health, stream_health
 from clew.io.log import Log, Measurement, ReadReport
 from clew.io.mrclam import is_mrclam, mrclam_robots, read_mrclam, read_survey
 from clew.io.open_log import open_log
@@ -16,19 +17,23 @@ __all__ = [
     "Features",
     "GraphFile",
     "GraphReport",
+    "LaserHealth",
     "Log",
+    "LogHealth",
     "Measurement",
     "ReadReport",
     "Relations",
     "RosMap",
     "SightingLog",
     "Sightings",
+    "StreamHealth",
     "SurveyedLandmarks",
     "Velocities",
     "atomic_write",
     "atomic_write_binary",
     "ensure_output_folder",
     "is_mrclam",
+    "log_health",
     "mrclam_robots",
     "open_log",
     "read_graph",
@@ -37,6 +42,7 @@ __all__ = [
     "read_ros_map",
     "read_survey",
     "read_tum",
+    "stream_health",
     "write_graph",
     "write_kitti",
     "write_relations",
