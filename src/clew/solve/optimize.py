@@ -17,10 +17,12 @@ from clew.solve.loop import Callback, Stopping, iterate
 from clew.solve.posterior import Posterior
 from clew.solve.problem import Problem, build_problem
 from clew.solve.search import Dogleg, GaussNewton, LevenbergMarquardt, Search
+from clew.solve.second_try import doubtful, second_try
 from clew.solve.solution import Solution
 
+_DEFAULT = "levenberg-marquardt"
 METHODS: dict[str, type[Search]] = {
-    "levenberg-marquardt": LevenbergMarquardt,
+    _DEFAULT: LevenbergMarquardt,
     "gauss-newton": GaussNewton,
     "dogleg": Dogleg,
 }
@@ -48,7 +50,7 @@ def compile_graph(graph: FactorGraph, ordering: str = "auto", threads: int = 1) 
 def optimize(
     graph: FactorGraph,
     *,
-    method: str = "levenberg-marquardt",
+    method: str = _DEFAULT,
     init: str = "auto",
     robust: Kernel | None = None,
     max_iterations: int = 100,
@@ -68,7 +70,8 @@ def optimize(
         init: initial guess. "file" takes the graph's current values, "tree" composes measurements along a
             spanning tree, "rotation" solves for the rotations first and then for the translations, "sequential"
             lets the graph grow from its first pose and corrects the poses batch by batch (for landmarks that are
-            seen again late), "auto" takes the one of them with the lowest cost.
+            seen again late), "auto" takes the one of them with the lowest cost; where the fit that the default
+            method ends with is poor, it also solves from the sequential guess, by the dogleg.
         robust: kernel of all factors without one of their own, priors excepted.
         max_iterations: limit on the steps tried.
         cost_tolerance: relative decrease of the cost that is not worth another iteration.
@@ -105,6 +108,9 @@ def optimize(
     stopping = Stopping(max_iterations, cost_tolerance, step_tolerance, gradient_tolerance)
     search = METHODS[method]()
     trace = iterate(problem, values, robust, search, stopping, callback)
+    if init == "auto" and method == _DEFAULT and doubtful(problem, trace):
+        first = trace, used, search
+        trace, used, search = second_try(problem, current, first, robust, stopping, callback)
     posterior = Posterior(problem, trace.values, trace.system)
     status, diagnosis = diagnose(posterior, gauge, trace.status, search)
     seconds = {
