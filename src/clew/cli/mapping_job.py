@@ -12,6 +12,7 @@ from typing import Protocol
 from rich.console import Console
 
 from clew.cli.interrupt import Interrupt
+from clew.cli.live import JobViewer, NoViewer
 from clew.cli.outputs import write_outputs
 from clew.cli.process import peak_memory_mb
 from clew.cli.progress import job_progress
@@ -50,7 +51,6 @@ class JobOptions:
     refine: bool = True
     odometry: bool = True
     resolution: float = 0.05
-    quiet: bool = False
 
 
 @dataclass(frozen=True)
@@ -62,7 +62,9 @@ class JobResult:
     interrupted: bool
 
 
-def map_log(log: Source, options: JobOptions, console: Console, begun: float | None = None) -> JobResult:
+def map_log(
+    log: Source, options: JobOptions, console: Console, begun: float | None = None, viewer: JobViewer | None = None
+) -> JobResult:
     """Estimate, refine, map and write everything into the output folder, which exists.
 
     Args:
@@ -70,14 +72,16 @@ def map_log(log: Source, options: JobOptions, console: Console, begun: float | N
         options: see `JobOptions`.
         console: where progress goes.
         begun: `time.perf_counter` when the job began, for its duration; now unless given.
+        viewer: shows the job while it works.
 
     Raises:
         InputError: the log holds no usable scan, or a file cannot be written.
     """
     begun = time.perf_counter() if begun is None else begun
-    slam = Slam(SlamConfig(map_resolution=options.resolution), use_odometry=options.odometry)
+    viewer = NoViewer() if viewer is None else viewer
+    slam = Slam(SlamConfig(map_resolution=options.resolution), use_odometry=options.odometry, viewer=viewer)
     left_out: Counter[str] = Counter()
-    with Interrupt() as interrupt, job_progress(console, log.scan_count, options.quiet) as progress:
+    with Interrupt() as interrupt, job_progress(console, log.scan_count) as progress:
         for measurement in log.measurements():
             if interrupt.requested:
                 break
@@ -99,10 +103,12 @@ def map_log(log: Source, options: JobOptions, console: Console, begun: float | N
                 "or estimate the motion from the scans alone with --no-odometry"
             )
         if options.refine and not stopped:
+            viewer.stage("refining")
             slam.refine(progress.refining)
         else:
             slam.optimise()
         progress.writing()
+        viewer.stage("writing")
         estimated = time.perf_counter() - begun
         grid = write_outputs(slam, options.out, options.title)
     wall = time.perf_counter() - begun

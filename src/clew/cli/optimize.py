@@ -12,6 +12,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from clew.cli.options import Json, LogLevel, LogLevelOption, Quiet
+
 if TYPE_CHECKING:
     from clew.io import GraphFile
     from clew.noise import Kernel
@@ -73,7 +75,9 @@ def optimize(
     plot: Annotated[
         Path | None, typer.Option(help="Draw the result as PNG; with --marginals, ellipses too.")
     ] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object instead of text.")] = False,
+    as_json: Json = False,
+    quiet: Quiet = False,
+    log_level: LogLevelOption = LogLevel.WARNING,
     threads: Annotated[int, typer.Option(min=1, help="Threads of the factorisation.")] = 1,
 ) -> None:
     """Optimise a pose graph and say how it went.
@@ -88,7 +92,9 @@ def optimize(
     input ends with exit code 2 and one line.
     """
     clock = _Clock()
+    from clew.cli.progress import stages
     from clew.cli.solution_outputs import draw, format_of, write_marginals, write_result
+    from clew.cli.terminal import messages
     from clew.errors import InputError
     from clew.io import read_graph
     from clew.solve import Status
@@ -99,17 +105,21 @@ def optimize(
         format_of(output)
     check_outputs(output, marginals, plot)  # a wrong name shall not cost a solve
     clock.skip()
-    file = read_graph(graph)
-    clock.lap("read")
-    _check(file, init)
-    solution = solve(
-        file.graph,
-        method=method.value,
-        init=init.value,
-        robust=kernel,
-        max_iterations=max_iterations,
-        threads=threads,
-    )
+    with stages(messages(quiet)) as shown:
+        shown.begin("reading", note=graph.name)
+        file = read_graph(graph)
+        clock.lap("read")
+        _check(file, init)
+        shown.begin("solving", note=f"initial guess, {len(file.graph):,} variables")
+        solution = solve(
+            file.graph,
+            method=method.value,
+            init=init.value,
+            robust=kernel,
+            max_iterations=max_iterations,
+            threads=threads,
+            callback=shown.iterations(max_iterations),
+        )
     clock.skip()
     clock.seconds["initialise"] = solution.seconds["initialise"]
     clock.seconds["solve"] = solution.seconds["total"] - solution.seconds["initialise"]
@@ -126,7 +136,10 @@ def optimize(
         draw(plot, solution, ellipses=marginals is not None)
         clock.lap("plot")
     seconds = clock.finish()
-    typer.echo(_as_json(file, solution, seconds) if as_json else _as_text(file, solution, seconds))
+    if as_json:
+        typer.echo(_as_json(file, solution, seconds))
+    elif not quiet:
+        typer.echo(_as_text(file, solution, seconds))
 
 
 def check_outputs(output: Path | None, marginals: Path | None, plot: Path | None) -> None:
