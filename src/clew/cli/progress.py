@@ -22,7 +22,7 @@ class _Done(ProgressColumn):
     """``1,200/13,631``; nothing while the number is not known."""
 
     def render(self, task: Task) -> Text:
-        if not task.fields["counted"]:
+        if not task.fields["counted"] or task.total is None:
             return Text(f"{int(task.completed):,}" if task.completed > 1 else "")
         return Text(f"{int(task.completed):,}/{int(task.total):,}", style="progress.download")
 

@@ -4,7 +4,12 @@ from __future__ import annotations
 
 import importlib
 import importlib.util
+import logging
+import socket
+import subprocess
+import sys
 import time
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -15,11 +20,16 @@ from clew.errors import InputError, MissingDependencyError
 from clew.geometry import se2
 from clew.slam import Slam
 from clew.view.live.frame import FrameMaker, LiveFrame
+from clew.view.live.server import LOOPBACK
+
+_log = logging.getLogger(__name__)
 
 LEAST_INTERVAL = 0.3  # seconds between two frames
 MAP_INTERVAL = 2.0  # and between two maps
 RUN_SHARE = 0.04  # of the run's time that showing may cost
 MOST_MAP_POINTS = 200_000
+START_SECONDS, SETTLE_SECONDS, FLUSH_SECONDS = 15.0, 1.0, 10.0
+_OTHERWISE = "use --live FILE.rrd for a recording, or --live for the browser"
 
 _WALL, _SCAN = (20, 23, 29), (232, 89, 12)
 _PATH, _CLOSURE = (22, 104, 214), (194, 37, 92)
@@ -60,16 +70,19 @@ class RerunViewer:
 
     def __init__(self, title: str = "", save: Path | None = None, total: int = 0) -> None:
         self._rr = load_rerun()
-        self._stream = self._rr.RecordingStream(f"clew {title}".strip())
+        self._stream = self._rr.RecordingStream("clew")
         try:
             if save is None:
-                self._stream.spawn()
+                self._stream.connect_grpc(_start_viewer())
             else:
                 self._stream.save(str(save))
+        except InputError:
+            raise
         except Exception as error:  # the library's own errors are of many kinds
-            where = "the rerun viewer does not start" if save is None else f"{save}: cannot be written"
-            raise InputError(f"{where} ({' '.join(str(error).split())}); use --live FILE.rrd for a "
-                             "recording, or --live for the browser") from None
+            where = "the rerun viewer cannot be reached" if save is None else f"{save}: cannot be written"
+            raise InputError(f"{where} ({' '.join(str(error).split())}); {_OTHERWISE}") from None
+        if title:
+            self._stream.send_recording_name(title)
         self._maker = FrameMaker(total)
         self._stage = "mapping"
         self._next = self._next_map = 0.0
@@ -107,7 +120,10 @@ class RerunViewer:
         """Say that no frame will follow and hand over what is still to be written."""
         if self._stage != stage:
             self.finish(stage)
-        self._stream.flush()
+        try:
+            self._stream.flush(timeout_sec=FLUSH_SECONDS)
+        except Exception as error:  # the viewer was closed; the library's own errors are of many kinds
+            _log.info("the rerun viewer has not taken everything (%s)", error)
         self._stream.disconnect()
 
     def _show(self, slam: Slam, with_map: bool) -> None:
@@ -122,6 +138,30 @@ class RerunViewer:
         stream.log("world/closures", rr.LineStrips2D(_up(path[frame.closures]), colors=[_CLOSURE]))
         if with_map:
             stream.log("world/map", rr.Points2D(_up(map_points(frame)), colors=[_WALL], radii=[0.025]))
+
+
+def _start_viewer() -> str:
+    """Start the viewer, for this machine only, and tell its address; the library's own way listens to all machines.
+
+    Raises:
+        InputError: it ends at once, or does not listen in time.
+    """
+    with socket.socket() as free:
+        free.bind((LOOPBACK, 0))
+        port = free.getsockname()[1]
+    command = [sys.executable, "-m", "rerun", "--bind", LOOPBACK, "--port", str(port)]
+    viewer = subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
+                              start_new_session=True)
+    until = time.monotonic() + START_SECONDS
+    while time.monotonic() < until and viewer.poll() is None:
+        with suppress(OSError), socket.create_connection((LOOPBACK, port), timeout=1.0):
+            time.sleep(SETTLE_SECONDS)  # without a screen it listens first, and then ends
+            if viewer.poll() is None:
+                return f"rerun+http://{LOOPBACK}:{port}/proxy"
+        time.sleep(0.1)
+    if viewer.poll() is None:
+        viewer.terminate()
+    raise InputError(f"the rerun viewer does not start (is there a screen?); {_OTHERWISE}")
 
 
 def map_points(frame: LiveFrame) -> NDArray[np.float64]:
