@@ -10,6 +10,7 @@ from typing import Annotated
 import typer
 
 from clew._version import __version__
+from clew.cli.convert import convert
 from clew.cli.demo import demo
 from clew.cli.evaluate import evaluate
 from clew.cli.info import info
@@ -17,6 +18,7 @@ from clew.cli.live import LiveCommand
 from clew.cli.merge import merge
 from clew.cli.optimize import optimize
 from clew.cli.run import run
+from clew.cli.view import view
 from clew.errors import ClewError
 
 BAD_INPUT = 2
@@ -36,6 +38,8 @@ app.command()(optimize)
 app.command()(evaluate)
 app.command()(merge)
 app.command()(info)
+app.command()(convert)
+app.command()(view)
 
 
 def _version(wanted: bool) -> None:

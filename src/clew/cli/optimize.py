@@ -46,7 +46,7 @@ def optimize(
             "-o",
             "--output",
             help="Write the result; the ending chooses the format: .g2o, .graph (TORO), .tum (the vertex id as "
-            "timestamp), .kitti or .txt (KITTI, by vertex id); .g2o.gz and .graph.gz are packed.",
+            "timestamp), .csv, .kitti or .txt (KITTI, by vertex id); .g2o.gz and .graph.gz are packed.",
         ),
     ] = None,
     method: Annotated[Method, typer.Option(help="How steps are found.")] = Method.LEVENBERG_MARQUARDT,
@@ -92,8 +92,9 @@ def optimize(
     input ends with exit code 2 and one line.
     """
     clock = _Clock()
+    from clew.cli.formats import GRAPHS, TRAJECTORIES, format_of
     from clew.cli.progress import stages
-    from clew.cli.solution_outputs import draw, format_of, write_marginals, write_result
+    from clew.cli.solution_outputs import draw, write_marginals, write_result
     from clew.cli.terminal import messages
     from clew.errors import InputError
     from clew.io import read_graph
@@ -102,7 +103,7 @@ def optimize(
 
     kernel = None if robust is None else parse_kernel(robust)
     if output is not None:
-        format_of(output)
+        format_of(output, GRAPHS + TRAJECTORIES)
     check_outputs(output, marginals, plot)  # a wrong name shall not cost a solve
     clock.skip()
     with stages(messages(quiet)) as shown:
