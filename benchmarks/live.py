@@ -7,8 +7,8 @@
 
 Each run is a process of its own that maps and refines a log; measured are its processor time, all threads, and the time
 on the clock. A page in Chromium without a screen (selenium, chromedriver) shows the map during every second run. Where
-the browser has no core of its own, the clock also counts what it takes from the run: then the processor time is the cost
-of attaching a page, and the clock that of the browser beside it.
+the browser has no core of its own, the clock also counts what it takes from the run: then the processor time is the
+cost of attaching a page, and the clock that of the browser beside it.
 """
 
 from __future__ import annotations
@@ -123,7 +123,7 @@ def main() -> None:
         run(options.logs[0], options.one, options.record)
         return
     view = "rerun" if options.rerun else "browser"
-    print("| log | view | processor s, without | with | cost, median of pairs | least to largest | clock s, without | with |")
+    print("| log | view | processor s, without | with | cost, median | least to largest | clock s, without | with |")
     print("| --- | --- | ---: | ---: | ---: | ---: | ---: | ---: |")
     with attached(real=view == "browser" and not options.no_browser) as browser:
         for name in options.logs:
@@ -132,7 +132,8 @@ def main() -> None:
             plain, shown = ({key: statistics.median(pair[side][key] for pair in pairs) for key in ("cpu", "clock")}
                             for side in (0, 1))
             print(f"| {name} | {view} | {plain['cpu']:.2f} | {shown['cpu']:.2f} | {statistics.median(costs):+.1f} % | "
-                  f"{min(costs):+.1f} to {max(costs):+.1f} % | {plain['clock']:.2f} | {shown['clock']:.2f} |", flush=True)
+                  f"{min(costs):+.1f} to {max(costs):+.1f} % | {plain['clock']:.2f} | {shown['clock']:.2f} |",
+                  flush=True)
 
 
 if __name__ == "__main__":

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from clew.cli.live import LiveHost, LiveKeep, LiveOpen, LiveOption, LiveOptions, LivePort
+from clew.cli.live import LiveHost, LiveKeep, LiveNoOpen, LiveOption, LiveOptions, LivePort
 from clew.cli.options import Json, LogLevel, LogLevelOption, Quiet
 
 
@@ -18,7 +18,7 @@ def demo(
     live: LiveOption = None,
     live_host: LiveHost = "127.0.0.1",
     live_port: LivePort = 0,
-    live_open: LiveOpen = True,
+    no_open: LiveNoOpen = False,
     live_keep: LiveKeep = False,
     json: Json = False,
     quiet: Quiet = False,
@@ -40,5 +40,5 @@ def demo(
     """
     from clew.cli.job import run_demo
 
-    viewing = LiveOptions(live, live_host, live_port, live_open, live_keep)
+    viewing = LiveOptions(live, live_host, live_port, no_open, live_keep)
     run_demo(out, seed, seconds, json, quiet, viewing)

@@ -23,15 +23,20 @@ if TYPE_CHECKING:
 BROWSER, RERUN = "browser", "rerun"
 FIRST_PAGE = 3.0  # seconds that a browser gets to open the page before the run begins
 
+_PANEL = "Live view"
 LiveOption = Annotated[str | None, typer.Option(
-    "--live", metavar="[browser|rerun|FILE.rrd]", show_default=False,
-    help="Show map and graph while they grow: in the browser, in rerun, or as a recording for rerun.")]
+    "--live", metavar="WHERE", show_default=False, rich_help_panel=_PANEL,
+    help="Show map and graph while they grow: browser (if WHERE is left out), rerun, or FILE.rrd, a recording for "
+         "rerun.")]  # fmt: skip
 LiveHost = Annotated[str, typer.Option(
-    "--live-host", metavar="HOST", help="Where the live view listens; 0.0.0.0 lets other machines in.")]
-LivePort = Annotated[int, typer.Option("--live-port", metavar="PORT", min=0, max=65535,
-                                       help="Its port; 0 takes any that is free.")]
-LiveOpen = Annotated[bool, typer.Option("--open/--no-open", help="Open the live view in the browser.")]
-LiveKeep = Annotated[bool, typer.Option("--live-keep", help="Keep the live view open at the end, until Ctrl-C.")]
+    "--live-host", metavar="HOST", rich_help_panel=_PANEL,
+    help="Where the page is served; 0.0.0.0 lets other machines in.")]  # fmt: skip
+LivePort = Annotated[int, typer.Option(
+    "--live-port", metavar="PORT", rich_help_panel=_PANEL, help="Its port; 0 takes any that is free.")]
+LiveNoOpen = Annotated[bool, typer.Option(
+    "--no-open", rich_help_panel=_PANEL, help="Print the address of the page only; do not open the browser.")]
+LiveKeep = Annotated[bool, typer.Option(
+    "--live-keep", rich_help_panel=_PANEL, help="Keep the page served at the end, until Ctrl-C.")]
 
 
 class LiveCommand(TyperCommand):
@@ -56,7 +61,7 @@ class LiveOptions:
     where: str | None = None
     host: str = "127.0.0.1"
     port: int = 0
-    open: bool = True
+    no_open: bool = False
     keep: bool = False
 
 
@@ -128,7 +133,7 @@ def _browser(options: LiveOptions, title: str, total: int, console: Console) -> 
 
     viewer = BrowserViewer(title, options.host, options.port, total)
     console.print(f"live view: {viewer.url}", soft_wrap=True, markup=False)
-    if options.open and open_in_browser(viewer.url):
+    if not options.no_open and open_in_browser(viewer.url):
         until = time.monotonic() + FIRST_PAGE  # so that a short run is seen at all
         while not viewer.server.streams and time.monotonic() < until:
             time.sleep(0.05)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import time
 from collections import Counter
 from collections.abc import Iterator
@@ -21,6 +22,9 @@ from clew.motion import Odometry
 from clew.place import Verdict
 from clew.scan import LaserScan
 from clew.slam import Slam, SlamConfig
+
+
+_log = logging.getLogger(__name__)
 
 
 class Skipped(Protocol):
@@ -102,6 +106,8 @@ def map_log(
                 f"no odometry before any of the {log.scan_count} scans: give a log with odometry, "
                 "or estimate the motion from the scans alone with --no-odometry"
             )
+        _log.info("mapped %d scans, %d keyframes, %d closures in %.2f s", slam.scan_count, len(slam.keyframes),
+                  len(slam.closures), time.perf_counter() - begun)
         if options.refine and not stopped:
             viewer.stage("refining")
             slam.refine(progress.refining)
@@ -110,6 +116,7 @@ def map_log(
         progress.writing()
         viewer.stage("writing")
         estimated = time.perf_counter() - begun
+        _log.info("the estimate stands after %.2f s; writing to %s", estimated, options.out)
         grid = write_outputs(slam, options.out, options.title)
     wall = time.perf_counter() - begun
     stamps = slam.trajectory.timestamps

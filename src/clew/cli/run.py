@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from clew.cli.live import LiveHost, LiveKeep, LiveOpen, LiveOption, LiveOptions, LivePort
+from clew.cli.live import LiveHost, LiveKeep, LiveNoOpen, LiveOption, LiveOptions, LivePort
 from clew.cli.options import Json, LogLevel, LogLevelOption, Quiet
 
 
@@ -35,7 +35,7 @@ def run(
     live: LiveOption = None,
     live_host: LiveHost = "127.0.0.1",
     live_port: LivePort = 0,
-    live_open: LiveOpen = True,
+    no_open: LiveNoOpen = False,
     live_keep: LiveKeep = False,
     json: Json = False,
     quiet: Quiet = False,
@@ -81,5 +81,5 @@ def run(
         return
     if robot is not None:
         raise InputError(f"--robot {robot}: {log} is no MRCLAM folder; leave the option out")
-    viewing = LiveOptions(live, live_host, live_port, live_open, live_keep)
+    viewing = LiveOptions(live, live_host, live_port, no_open, live_keep)
     run_log(log, out, refine, odometry, resolution, scan_topic, odometry_topic, json, quiet, viewing)

@@ -15,7 +15,7 @@ PAGE = "report.html"
 def view(
     out: Annotated[Path, typer.Argument(metavar="OUT", show_default=False,
                                         help="Output folder of a run, an optimisation or a merge, or its page.")],
-    open_: Annotated[bool, typer.Option("--open/--no-open", help="Open the page, or only print where it is.")] = True,
+    no_open: Annotated[bool, typer.Option("--no-open", help="Only print where the page is.")] = False,
     json: Json = False,
     quiet: Quiet = False,
     log_level: LogLevelOption = LogLevel.WARNING,
@@ -36,7 +36,7 @@ def view(
     from clew.cli.browser import open_in_browser
 
     page = find_page(out)
-    opened = open_ and open_in_browser(page.as_uri())
+    opened = not no_open and open_in_browser(page.as_uri())
     if json:
         typer.echo(json_.dumps({"page": str(page), "opened": opened}))
     elif not quiet:
