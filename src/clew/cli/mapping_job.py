@@ -23,7 +23,6 @@ from clew.place import Verdict
 from clew.scan import LaserScan
 from clew.slam import Slam, SlamConfig
 
-
 _log = logging.getLogger(__name__)
 
 
