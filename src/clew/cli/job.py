@@ -8,12 +8,16 @@ import time
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 from rich.console import Console
 
 from clew._version import __version__
-from clew.cli.mapping_job import JobOptions, JobResult, Source, map_log
+from clew.cli.mapping_job import JobOptions, JobResult, map_log
 from clew.cli.outputs import write_summary
 from clew.errors import InputError
+from clew.io import Records
+
+Array = NDArray[np.float64]
 
 INTERRUPTED = 130
 LEAST_RESOLUTION, LARGEST_RESOLUTION = 0.005, 1.0
@@ -47,8 +51,10 @@ def run_log(
 def run_demo(out: Path, seed: int, seconds: float, json: bool, quiet: bool) -> None:
     """The job of ``clew demo``."""
     from clew.evaluate import absolute_trajectory_error
+    from clew.geometry import se2
     from clew.io import ensure_output_folder, write_tum
     from clew.sim import simulate_demo
+    from clew.slam import Trajectory
 
     if not 10 <= seconds <= 36000:
         raise InputError(f"--seconds {seconds:g}: give between 10 and 36000")
@@ -58,12 +64,17 @@ def run_demo(out: Path, seed: int, seconds: float, json: bool, quiet: bool) -> N
     console = Console(stderr=True, quiet=quiet)
     with console.status("simulating"):
         log = simulate_demo(seed, duration=seconds)
-    result = map_log(log, JobOptions(out, f"clew demo, seed {seed}", quiet=quiet), console)
+
+    def truth(stamps: Array) -> Trajectory:
+        poses = log.T_world_robot[np.searchsorted(log.timestamps, stamps)]
+        return Trajectory(stamps, se2.between(poses[0], poses))
+
+    result = map_log(log, JobOptions(out, f"clew demo, seed {seed}", quiet=quiet), console, truth=truth)
     stamps = result.slam.trajectory.timestamps
-    truth = log.T_world_robot[np.searchsorted(log.timestamps, stamps)]
-    write_tum(out / "truth.tum", stamps, truth)
+    true_poses = log.T_world_robot[np.searchsorted(log.timestamps, stamps)]
+    write_tum(out / "truth.tum", stamps, true_poses)
     errors = {
-        name: absolute_trajectory_error(stamps, truth, stamps, estimate.T_world_robot).translation.rmse
+        name: absolute_trajectory_error(stamps, true_poses, stamps, estimate.T_world_robot).translation.rmse
         for name, estimate in (("ate_m", result.slam.trajectory), ("odometry_ate_m", result.slam.odometry))
     }
     about = {"log": f"simulated, seed {seed}", **{name: round(error, 4) for name, error in errors.items()}}
@@ -71,7 +82,7 @@ def run_demo(out: Path, seed: int, seconds: float, json: bool, quiet: bool) -> N
 
 
 def _finish(
-    result: JobResult, about: dict[str, object], out: Path, log: Source, json: bool, console: Console
+    result: JobResult, about: dict[str, object], out: Path, log: Records, json: bool, console: Console
 ) -> None:
     summary = {**about, **result.summary, "version": __version__}
     write_summary(summary, out / "summary.json")
@@ -83,7 +94,7 @@ def _finish(
         sys.exit(INTERRUPTED)
 
 
-def _report(summary: dict[str, object], out: Path, log: Source, console: Console) -> None:
+def _report(summary: dict[str, object], out: Path, log: Records, console: Console) -> None:
     """The outcome in a few lines."""
     console.print(
         f"{summary['scans']} scans, {summary['keyframes']} keyframes, {summary['closures_accepted']} loop closures "
@@ -105,4 +116,4 @@ def _report(summary: dict[str, object], out: Path, log: Source, console: Console
     if skipped:
         listed = ", ".join(f"{count} {reason}" for reason, count in skipped.items())
         console.print(f"left out: {listed}", highlight=False)
-    console.print(f"look at {out / 'overview.png'}; everything else is beside it", highlight=False)
+    console.print(f"look at {out / 'report.html'}; everything else is beside it", highlight=False)

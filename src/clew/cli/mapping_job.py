@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import time
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Protocol
 
+import numpy as np
+from numpy.typing import NDArray
 from rich.console import Console
 
 from clew.cli.interrupt import Interrupt
@@ -16,29 +17,13 @@ from clew.cli.outputs import write_outputs
 from clew.cli.process import peak_memory_mb
 from clew.cli.progress import job_progress
 from clew.errors import InputError
+from clew.io import Records, log_health
 from clew.motion import Odometry
 from clew.place import Verdict
-from clew.scan import LaserScan
-from clew.slam import Slam, SlamConfig
+from clew.slam import Slam, SlamConfig, Trajectory
+from clew.view import report_of_run, write_report
 
-
-class Skipped(Protocol):
-    """Counts of the records that a reader left out."""
-
-    @property
-    def skipped(self) -> Counter[str]: ...
-
-
-class Source(Protocol):
-    """A recorded or simulated log."""
-
-    @property
-    def report(self) -> Skipped: ...
-    @property
-    def scan_count(self) -> int: ...
-    @property
-    def duration(self) -> float: ...
-    def measurements(self) -> Iterator[LaserScan | Odometry]: ...
+Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -62,7 +47,10 @@ class JobResult:
     interrupted: bool
 
 
-def map_log(log: Source, options: JobOptions, console: Console, begun: float | None = None) -> JobResult:
+def map_log(
+    log: Records, options: JobOptions, console: Console, begun: float | None = None,
+    truth: Callable[[Array], Trajectory] | None = None,
+) -> JobResult:  # fmt: skip
     """Estimate, refine, map and write everything into the output folder, which exists.
 
     Args:
@@ -70,6 +58,7 @@ def map_log(log: Source, options: JobOptions, console: Console, begun: float | N
         options: see `JobOptions`.
         console: where progress goes.
         begun: `time.perf_counter` when the job began, for its duration; now unless given.
+        truth: gives the true poses at timestamps, in the frame of the first, where they are known.
 
     Raises:
         InputError: the log holds no usable scan, or a file cannot be written.
@@ -105,6 +94,10 @@ def map_log(log: Source, options: JobOptions, console: Console, begun: float | N
         progress.writing()
         estimated = time.perf_counter() - begun
         grid = write_outputs(slam, options.out, options.title)
+        skipped = dict(sorted((log.report.skipped + left_out).items()))
+        write_report(options.out / "report.html", report_of_run(
+            slam, grid, options.title, health=log_health(log), skipped=skipped, complete=not stopped,
+            truth=None if truth is None else truth(slam.trajectory.timestamps)))
     wall = time.perf_counter() - begun
     stamps = slam.trajectory.timestamps
     log_seconds = float(stamps[-1] - stamps[0])
@@ -121,7 +114,7 @@ def map_log(log: Source, options: JobOptions, console: Console, begun: float | N
         "refined": options.refine and not stopped,
         "complete": not stopped,
         "map_size_m": [round(side * grid.resolution, 2) for side in grid.shape[::-1]],
-        "skipped": dict(sorted((log.report.skipped + left_out).items())),
+        "skipped": skipped,
     }
     return JobResult(slam, {**summary, "peak_memory_mb": _rounded(peak_memory_mb())}, stopped)
 

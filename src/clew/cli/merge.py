@@ -25,7 +25,7 @@ def merge(
     Where the robots stand to each other is told from at least three landmarks of the same identity, from a
     constellation of landmarks that cannot be chance, or from edges between the robots' poses (the top byte of a
     vertex id is the robot's letter). Robots that cannot be placed are not merged. The result is in the frame of
-    the first robot.
+    the first robot; report.html shows it.
 
     **Examples**
 
@@ -34,10 +34,12 @@ def merge(
     from clew.fleet import merge as merge_robots
     from clew.fleet import read_robots, write_merged
     from clew.io import ensure_output_folder
+    from clew.view import report_of_merge, write_report
 
     merged = merge_robots(read_robots(inputs))
     ensure_output_folder(output)
     write_merged(merged, output)
+    write_report(output / "report.html", report_of_merge(merged))
     summary = summarise(merged)
     typer.echo(json.dumps(summary, indent=2) if as_json else _as_text(merged, summary))
 

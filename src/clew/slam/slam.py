@@ -189,6 +189,11 @@ class Slam:
         return Trajectory(stamps, self._pose_graph.poses)
 
     @property
+    def keyframe_points(self) -> list[Array]:
+        """Returns ``(n, 2)`` of each keyframe's scan in the robot's frame, metres."""
+        return [self._keyframes[k].points.points for k in range(len(self._keyframes))]
+
+    @property
     def graph(self) -> FactorGraph:
         """The graph of keyframes: odometry and loop edges at the present poses."""
         return self._pose_graph.graph if self._refined is None else self._refined
