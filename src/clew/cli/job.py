@@ -28,7 +28,7 @@ def run_log(
     odometry_topic: str | None, json: bool, quiet: bool,
 ) -> None:  # fmt: skip
     """The job of ``clew run``."""
-    from clew.io import ensure_output_folder, open_log
+    from clew.io import ensure_output_folder, log_health, open_log
 
     if not LEAST_RESOLUTION <= resolution <= LARGEST_RESOLUTION:
         raise InputError(
@@ -44,7 +44,8 @@ def run_log(
             "or estimate the motion from the scans alone with --no-odometry"
         )
     ensure_output_folder(out)
-    result = map_log(log, JobOptions(out, path.name, refine, odometry, resolution, quiet), console, begun)
+    result = map_log(log, JobOptions(out, path.name, refine, odometry, resolution, quiet), console, begun,
+                     health=lambda: log_health(log))
     _finish(result, {"log": path.name}, out, log, json, console)
 
 
@@ -52,7 +53,7 @@ def run_demo(out: Path, seed: int, seconds: float, json: bool, quiet: bool) -> N
     """The job of ``clew demo``."""
     from clew.evaluate import absolute_trajectory_error
     from clew.geometry import se2
-    from clew.io import ensure_output_folder, write_tum
+    from clew.io import ensure_output_folder, log_health, write_tum
     from clew.sim import simulate_demo
     from clew.slam import Trajectory
 
@@ -69,7 +70,8 @@ def run_demo(out: Path, seed: int, seconds: float, json: bool, quiet: bool) -> N
         poses = log.T_world_robot[np.searchsorted(log.timestamps, stamps)]
         return Trajectory(stamps, se2.between(poses[0], poses))
 
-    result = map_log(log, JobOptions(out, f"clew demo, seed {seed}", quiet=quiet), console, truth=truth)
+    result = map_log(log, JobOptions(out, f"clew demo, seed {seed}", quiet=quiet), console,
+                     health=lambda: log_health(log), truth=truth)
     stamps = result.slam.trajectory.timestamps
     true_poses = log.T_world_robot[np.searchsorted(log.timestamps, stamps)]
     write_tum(out / "truth.tum", stamps, true_poses)

@@ -17,7 +17,7 @@ from clew.cli.outputs import write_outputs
 from clew.cli.process import peak_memory_mb
 from clew.cli.progress import job_progress
 from clew.errors import InputError
-from clew.io import Records, log_health
+from clew.io import LogHealth, Records
 from clew.motion import Odometry
 from clew.place import Verdict
 from clew.slam import Slam, SlamConfig, Trajectory
@@ -49,7 +49,7 @@ class JobResult:
 
 def map_log(
     log: Records, options: JobOptions, console: Console, begun: float | None = None,
-    truth: Callable[[Array], Trajectory] | None = None,
+    health: Callable[[], LogHealth] | None = None, truth: Callable[[Array], Trajectory] | None = None,
 ) -> JobResult:  # fmt: skip
     """Estimate, refine, map and write everything into the output folder, which exists.
 
@@ -58,6 +58,7 @@ def map_log(
         options: see `JobOptions`.
         console: where progress goes.
         begun: `time.perf_counter` when the job began, for its duration; now unless given.
+        health: tells the state of the log, when the estimate is done.
         truth: gives the true poses at timestamps, in the frame of the first, where they are known.
 
     Raises:
@@ -96,8 +97,8 @@ def map_log(
         grid = write_outputs(slam, options.out, options.title)
         skipped = dict(sorted((log.report.skipped + left_out).items()))
         write_report(options.out / "report.html", report_of_run(
-            slam, grid, options.title, health=log_health(log), skipped=skipped, complete=not stopped,
-            truth=None if truth is None else truth(slam.trajectory.timestamps)))
+            slam, grid, options.title, health=None if health is None else health(), skipped=skipped,
+            complete=not stopped, truth=None if truth is None else truth(slam.trajectory.timestamps)))
     wall = time.perf_counter() - begun
     stamps = slam.trajectory.timestamps
     log_seconds = float(stamps[-1] - stamps[0])

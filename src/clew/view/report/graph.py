@@ -20,7 +20,7 @@ Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 
 CHI2_95 = {2: 5.991464547107979, 3: 7.814727903251179}  # squared distance that holds 95 %, by coordinates
-_ROWS = 12  # of a table
+_ROWS = 10  # of a table
 _UNLIKELY = 1e-6  # chance of so large a residual anywhere in the graph, below which it is worth a look
 _DOUBTED = 0.5  # robust weight below which a measurement is hardly believed
 _LEAST_STRETCH = 8  # poses held by odometry alone that are worth a sentence
@@ -324,13 +324,14 @@ def _weakest(cuts: list[PathCuts], scene: Scene) -> Table:
                 left[max(0, k - near) : k + near] = False
     found.sort()
     return Table(
-        "Weakest links along the path", ("step", "edges over it", "together within"),
+        "Weakest links along the path", ("step", "ties over it", "together within"),
         [(f"{moment(scene, row)} (pose {scene.names[row]})" if scene.timed else moment(scene, row), f"{edges:,}",
           f"±{metres(1.96 / np.sqrt(information))}" if information > 0 else "not tied") for information, edges, row in
          found[:_ROWS]],
         [Focus("span", row, row + 1) for _, _, row in found[:_ROWS]], "A path of one pose has no links.",
-        "Where the least ties what the robot drove before to what it drove after. The last column adds up the "
-        "information of all edges over the step as if they were measured there (95 %): it compares steps, and says "
+        "Where the least ties what the robot drove before to what it drove after: edges, and landmarks seen on both "
+        "sides. The last column adds up the "
+        "information of all ties over the step as if they were measured there (95 %): it compares steps, and says "
         "nothing of the error of the map.",
     )  # fmt: skip
 

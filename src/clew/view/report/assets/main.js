@@ -281,7 +281,8 @@ if (space) {
   map.setAttribute('aria-label', map.getAttribute('aria-label').replace('Drag or use the arrow keys to move it',
     'Drag or use the arrow keys to turn it, with shift to move it'));
 }
-if (stage.clientWidth > 900) byId('layers').open = true;
+byId('layers').open = window.innerWidth > 1000;
+byId('closure-keys').hidden = !scene.closures.length;
 listLayers();
 inspector.show(null);
 new ResizeObserver(resize).observe(stage);

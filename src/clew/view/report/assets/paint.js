@@ -163,26 +163,35 @@ class Layers {
   }
 
   label(context, camera, rows) {
-    if (rows.length * 900 > camera.width * camera.height && camera.scale < 8 * camera.least) return;
     context.font = '12px ui-sans-serif, system-ui, sans-serif';
     context.textBaseline = 'middle';
     context.strokeStyle = colours.halo;
     context.lineWidth = 3;
     context.lineJoin = 'round';
+    const taken = new Set(); // cells of the screen with a label; one that would cover another is left out
     for (const i of rows) {
       const x = camera.toScreenX(this.projection.u[i]) + 8, y = camera.toScreenY(this.projection.v[i]) - 7;
       if (x < 0 || y < 0 || x > camera.width || y > camera.height) continue;
-      context.strokeText(this.scene.mark.name[i - this.scene.count], x, y);
-      context.fillText(this.scene.mark.name[i - this.scene.count], x, y);
+      const name = this.scene.mark.name[i - this.scene.count], row = Math.floor(y / 15);
+      const cells = [];
+      for (let c = Math.floor(x / 10); c <= Math.floor((x + 8 * name.length) / 10); c++) cells.push(c * 4096 + row, c * 4096 + row + 1);
+      if (cells.some((cell) => taken.has(cell))) continue;
+      cells.forEach((cell) => taken.add(cell));
+      context.strokeText(name, x, y);
+      context.fillText(name, x, y);
     }
   }
 
-  /** Ellipses of poses, thinned so that they do not crowd, and of all landmarks. */
+  /** Ellipses of poses and landmarks; the larger they are on the screen, the fewer are drawn. */
   ellipses(context, camera, until) {
-    const { scene, projection, magnify } = this, taken = new Set(), cell = 30;
-    const one = (x, y, covariance) => {
+    const { scene, projection, magnify } = this, taken = new Set();
+    const one = (x, y, covariance, apart) => {
       const { major, minor, angle } = ellipseOf(covariance, camera), k = camera.scale * magnify;
       if (major * k < 0.8) return;
+      const octave = Math.ceil(Math.log2(Math.max(apart, 1.2 * major * k))), cell = 2 ** octave;
+      const place = (octave * 4096 + Math.floor(x / cell)) * 4096 + Math.floor(y / cell);
+      if (taken.has(place)) return;
+      taken.add(place);
       context.beginPath();
       context.ellipse(x, y, major * k, Math.max(minor * k, 0.3), -angle, 0, 2 * Math.PI);
       context.stroke();
@@ -192,16 +201,14 @@ class Layers {
       for (let n = 0; n < last; n++) {
         const i = this.poses[n], x = camera.toScreenX(projection.u[i]), y = camera.toScreenY(projection.v[i]);
         if (x < -60 || y < -60 || x > camera.width + 60 || y > camera.height + 60) continue;
-        const place = Math.floor(x / cell) * 4096 + Math.floor(y / cell);
-        if (taken.has(place)) continue;
-        taken.add(place);
-        one(x, y, scene.covariance.subarray(6 * i, 6 * i + 6));
+        one(x, y, scene.covariance.subarray(6 * i, 6 * i + 6), 32);
       }
     }
+    taken.clear();
     const marks = scene.mark.covariance;
     for (let m = 0; marks && camera.dim === 2 && m < scene.marks; m++) {
       const x = camera.toScreenX(projection.u[scene.count + m]), y = camera.toScreenY(projection.v[scene.count + m]);
-      one(x, y, [marks[3 * m], marks[3 * m + 1], 0, marks[3 * m + 2], 0, 0]);
+      one(x, y, [marks[3 * m], marks[3 * m + 1], 0, marks[3 * m + 2], 0, 0], 8);
     }
   }
 
