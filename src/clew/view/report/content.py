@@ -156,7 +156,7 @@ class Scene:
     Attributes:
         positions: ``(N, dim)`` of the poses of the graph, 2 or 3 coordinates.
         headings: ``(N,)`` radians, nan in space.
-        names: ``(N,)`` keys of the poses.
+        names: ``(N,)`` keys of the poses, as text.
         times: ``(N,)`` seconds, or the place in the path where there are no times.
         robot: ``(N,)`` row of each pose's robot in `robots`.
         robots: names.
@@ -172,7 +172,7 @@ class Scene:
 
     positions: Array
     headings: Array
-    names: Index
+    names: Sequence[str]
     times: Array
     robot: Index
     robots: Sequence[str]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,7 +32,7 @@ def scene_data(scene: Scene) -> dict[str, object]:
             "heading": pack(scene.headings, "f4"),
             "time": pack(scene.times - begin, "f4"),
             "robot": pack(scene.robot, "u1"),
-            "name": [str(name) for name in scene.names.tolist()] if _large(scene) else pack(scene.names, "i4"),
+            "name": _names(scene.names),
             "covariance": None if covariances is None else pack(_upper(covariances), "f4"),
         },
         "edges": {
@@ -53,8 +54,11 @@ def _centre(scene: Scene) -> Array:
     return np.round(points.mean(axis=0)) if len(points) else np.zeros(scene.dim)
 
 
-def _large(scene: Scene) -> bool:
-    return bool(len(scene.names) and np.abs(scene.names).max() > 2**31 - 1)
+def _names(names: Sequence[str]) -> object:
+    """Numbers where all names are small numbers, for they are shorter."""
+    if all(name.isdecimal() and len(name) < 10 for name in names):
+        return pack([int(name) for name in names], "i4")
+    return list(names)
 
 
 def _upper(covariances: Array) -> Array:

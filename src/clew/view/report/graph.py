@@ -14,7 +14,7 @@ from clew.graph import FactorGraph, Role
 from clew.noise import Kernel
 from clew.solve import Solution
 from clew.view.report.content import Chart, Edges, Focus, Landmarks, Note, Scene, Section, Table
-from clew.view.report.words import counted, metres, number
+from clew.view.report.words import counted, key_name, metres, number
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
@@ -78,7 +78,8 @@ def view_graph(
     steps = np.empty(len(keys))
     steps[np.argsort(robot, kind="stable")] = places
     scene = Scene(
-        poses[:, : kind.space], poses[:, 2] if kind is SE2 else np.full(len(poses), np.nan), keys,
+        poses[:, : kind.space], poses[:, 2] if kind is SE2 else np.full(len(poses), np.nan),
+        [key_name(key) for key in keys.tolist()],
         steps if times is None else times, robot, robots, times is not None, spread, edges, landmarks,
     )  # fmt: skip
     place_of_row = np.full(len(residuals), -1, np.int64)
@@ -139,7 +140,7 @@ def _landmarks(
         spread = None
     keys = keys[kept]
     positions = np.asarray(solution.values(kind).array)[kept, :dim]
-    return Landmarks(positions, spread, [names.get(int(k), str(k)) for k in keys],
+    return Landmarks(positions, spread, [names.get(int(k)) or key_name(int(k)) for k in keys],
                      counts[np.searchsorted(of_key, keys)] - 1), keys  # fmt: skip
 
 
@@ -168,8 +169,8 @@ def _sure(scene: Scene) -> str | None:
     worst = int(np.argmax(radius))
     return (
         f"If the noise is as the graph states, the robot's position is known to ±{metres(float(np.median(radius)))} "
-        f"(95 %, median) and at worst to ±{metres(float(radius[worst]))}, at {moment(scene, worst)}, seen from where "
-        "the map is held."
+        f"(95 %, median) and at worst to ±{metres(float(radius[worst]))}, at {moment(scene, worst)}, seen from the "
+        "pose that the map hangs on."
     )
 
 
@@ -198,11 +199,13 @@ def _misfits(residuals: FactorResiduals, place: Index, scene: Scene) -> list[Not
         mine = doubted[residuals.of_role(role)[doubted]]
         if len(mine):
             worst = int(mine[np.argmin(residuals.weight[mine])])
+            one = len(mine) == 1
             share = len(mine) / int(residuals.of_role(role).sum())
             level = "check" if share > 0.02 else "know"
             notes.append(Note(
-                f"{counted(len(mine), _NOUNS[role])} ({100 * share:.1f} %) contradict the others so much that the "
-                f"robust kernel gives them less than half of their weight.", level, _edge(place, worst)))
+                f"{counted(len(mine), _NOUNS[role])} ({100 * share:.1f} %) {'contradicts' if one else 'contradict'} the "
+                f"others so much that the robust kernel gives {'it' if one else 'them'} less than half of "
+                f"{'its' if one else 'their'} weight.", level, _edge(place, worst)))
     full = residuals.weight >= _DOUBTED
     unlikely = np.flatnonzero(full & (residuals.chance < _UNLIKELY / max(len(residuals), 1)))
     for role in (Role.LOOP, Role.OBSERVATION, Role.ODOMETRY):
@@ -211,8 +214,8 @@ def _misfits(residuals: FactorResiduals, place: Index, scene: Scene) -> list[Not
             sigmas = residuals.squared[mine] / residuals.dim[mine]
             worst = int(mine[np.argmax(sigmas)])
             notes.append(Note(
-                f"{counted(len(mine), _NOUNS[role])} miss by more than their stated noise can explain, the worst "
-                f"by {np.sqrt(sigmas.max()):.1f} standard deviations.", "check", _edge(place, worst)))
+                f"{counted(len(mine), _NOUNS[role])} {'misses' if len(mine) == 1 else 'miss'} by more than their stated "
+                f"noise can explain, the worst by {np.sqrt(sigmas.max()):.1f} standard deviations.", "check", _edge(place, worst)))
     return notes
 
 
@@ -292,14 +295,14 @@ def _facts(solution: Solution, residuals: FactorResiduals, scene: Scene) -> list
                       number(float((residuals.weight * residuals.squared).sum()) / freedom)))
     held = [part for part in solution.free_parts if part.held]
     if held:
-        facts.append(("Held in place", ", ".join(f"pose {part.anchor}" for part in held[:3])))
+        facts.append(("Held in place", ", ".join(f"pose {key_name(part.anchor)}" for part in held[:3])))
     return facts
 
 
 def _worst(residuals: FactorResiduals, place: Index, scene: Scene) -> Table:
     rows = [int(row) for row in residuals.largest(_ROWS) if residuals.squared[row] > 0]
     def name(row: int) -> str:
-        return " to ".join(str(key) for key in residuals.keys[row] if key >= 0)
+        return " to ".join(key_name(int(key)) for key in residuals.keys[row] if key >= 0)
     return Table(
         "Largest residuals", ("edge", "kind", "sigmas", "weight"),
         [(name(row), ROLES[residuals.role[row]].value,
@@ -330,9 +333,8 @@ def _weakest(cuts: list[PathCuts], scene: Scene) -> Table:
          found[:_ROWS]],
         [Focus("span", row, row + 1) for _, _, row in found[:_ROWS]], "A path of one pose has no links.",
         "Where the least ties what the robot drove before to what it drove after: edges, and landmarks seen on both "
-        "sides. The last column adds up the "
-        "information of all ties over the step as if they were measured there (95 %): it compares steps, and says "
-        "nothing of the error of the map.",
+        "sides. The last column adds up the information of all ties over the step as if they were measured there "
+        "(95 %): it compares steps, and says nothing of the error of the map.",
     )  # fmt: skip
 
 

@@ -21,6 +21,7 @@ from clew.view.report.words import capital, counted, degrees, duration, listed, 
 Array = NDArray[np.float64]
 
 _SLIPS = 10  # rows of the table
+_GAPS = 3  # rows of the table for each kind of event
 _CHART = 4000  # points of a curve
 
 
@@ -53,8 +54,8 @@ def report_of_run(
     if len(odometry):
         slip = odometry_slip(odometry.timestamps, odometry.T_world_robot, trajectory.T_world_robot)
     skipped = dict(skipped or {})
-    notes = [*_unfinished(complete), *_log_notes(health), *_closure_notes(closures, scene), *graph.notes,
-             *_slip_notes(slip, scene), *_left_out(skipped)]
+    notes = [*_unfinished(complete), *_closure_notes(closures, scene), *graph.notes, *_slip_notes(slip, scene),
+             *_log_notes(health), *_left_out(skipped)]
     rank = {"check": 0, "know": 1, "good": 2}
     notes.sort(key=lambda note: rank[note.level])
     return Report(title, "run", _lead(slam, grid, graph, closures, truth), notes, scene,
@@ -65,7 +66,8 @@ def report_of_run(
 def _lead(slam: Slam, grid: OccupancyGrid, graph: GraphView, closures: list[Closure],
           truth: Trajectory | None) -> list[str]:
     trajectory = slam.trajectory
-    way = float(np.hypot(*np.diff(trajectory.T_world_robot[:, :2], axis=0).T).sum())
+    # From keyframe to keyframe: the noise of single scans would add up to a way of its own.
+    way = float(np.hypot(*np.diff(slam.keyframes.T_world_robot[:, :2], axis=0).T).sum())
     lasted = float(np.ptp(trajectory.timestamps)) if len(trajectory) else 0.0
     height, width = (side * grid.resolution for side in grid.shape)
     lines = [f"The robot drove {metres(way)} in {duration(lasted)}; {counted(len(trajectory), 'scan')} became "
@@ -154,7 +156,7 @@ def _span(event: Array, scene: Scene) -> Focus:
 def _log_section(health: LogHealth | None, skipped: Mapping[str, int], slip: OdometrySlip | None,
                  scene: Scene) -> Section:
     facts: list[tuple[str, str]] = []
-    gaps: list[tuple[str, ...]] = []
+    gaps: list[tuple[float, tuple[str, ...]]] = []
     if health is not None:
         laser = health.laser
         begin = health.scans.first
@@ -168,11 +170,14 @@ def _log_section(health: LogHealth | None, skipped: Mapping[str, int], slip: Odo
                                  f"{100 * laser.no_return:.0f} % of the beams met nothing"))
         if health.odometry is not None:
             facts.append(("Way by odometry", metres(health.distance)))
-        gaps += [("odometry", "jump", f"{time - begin:.1f} s", metres(length)) for time, length in health.jumps]
+        gaps += [(time, (f"{time - begin:.1f} s", "odometry", "jump", metres(length)))
+                 for time, length in _longest(health.jumps)]
     facts.append(("Left out", listed([f"{n:,} × {reason}" for reason, n in skipped.items()]) or "nothing"))
     tables = [] if health is None else [Table(
-        "Gaps and clock jumps", ("sensor", "what", "at", "size"), gaps[:_SLIPS], (),
-        "The records come evenly, and the clock never steps back.")]
+        "Gaps and clock jumps", ("at", "sensor", "what", "size"), [row for _, row in gaps],
+        [_span(np.array([time, time]), scene) for time, _ in gaps],
+        "The records come evenly, and the clock never steps back.",
+        "The longest of each kind; when nothing came for ten intervals and two seconds, it counts as a gap.")]
     if slip is None:
         return Section("Health of the log", facts, (), tables)
     order = np.argsort(-slip.sizes[:, 0], kind="stable")[:_SLIPS]
@@ -188,12 +193,15 @@ def _log_section(health: LogHealth | None, skipped: Mapping[str, int], slip: Odo
     return Section("Health of the log", facts, (), tables, [chart] if len(slip.times) > 2 else [])
 
 
-def _interruptions(stream: StreamHealth, begin: float) -> list[tuple[str, ...]]:
-    rows: list[tuple[str, ...]] = [(stream.name, "silent", f"{time - begin:.1f} s", f"{length:.1f} s")
-                                   for time, length in stream.gaps]
-    rows += [(stream.name, "clock steps back", f"{time - begin:.1f} s", f"{length:.3g} s")
-             for time, length in stream.steps_back]
-    return rows
+def _interruptions(stream: StreamHealth, begin: float) -> list[tuple[float, tuple[str, ...]]]:
+    kinds = (("silent", stream.gaps), ("clock steps back", stream.steps_back))
+    return [(time, (f"{time - begin:.1f} s", stream.name, what, f"{size:.3g} s"))
+            for what, events in kinds for time, size in _longest(events)]
+
+
+def _longest(events: Array) -> list[tuple[float, float]]:
+    """Time and size of the largest few."""
+    return [(float(time), float(size)) for time, size in events[np.argsort(-events[:, 1], kind="stable")[:_GAPS]]]
 
 
 def _verdicts(closures: list[Closure]) -> Table:

@@ -66,7 +66,7 @@ def report_of_merge(merged: MergedFleet) -> Report:
                  f"{link.edges.count} relative poses between them disagree with the rest and were left out.", "know")
             for (a, b), link in merged.links.items() if link.edges is not None
             and link.edges.count > len(link.edges.edges)]
-    return Report("Merge of " + listed(merged.names), "merge", lead, [*left, *graph.notes], graph.scene,
+    return Report("Merge of robots " + listed(merged.names), "merge", lead, [*left, *graph.notes], graph.scene,
                   [graph.section])
 
 

@@ -56,6 +56,12 @@ def listed(items: Sequence[str]) -> str:
     return " and ".join(part for part in (", ".join(items[:-1]), *items[-1:]) if part)
 
 
+def key_name(key: int) -> str:
+    """A key of a graph; one whose top byte is a robot's letter as letter and number."""
+    letter = key >> 56
+    return f"{chr(letter)}{key & (2**56 - 1)}" if chr(max(letter, 0)).isalpha() else str(key)
+
+
 def capital(text: str) -> str:
     """A sentence from a phrase."""
     text = text.strip()

@@ -34,27 +34,33 @@ function between(a, b) {
   return [c * dx + s * dy, -s * dx + c * dy, wrap(b[2] - a[2])];
 }
 
-/** Draw scans, each at a pose in one frame, so that all of them fit. */
-function drawScans(canvas, items) {
+/** Points of a scan at a pose: x, y, x, y, ... */
+function placed(points, T) {
+  const [c, s] = [Math.cos(T[2]), Math.sin(T[2])], out = new Float32Array(points.length);
+  for (let k = 0; k < points.length; k += 2) {
+    out[k] = T[0] + c * points[k] - s * points[k + 1];
+    out[k + 1] = T[1] + s * points[k] + c * points[k + 1];
+  }
+  return out;
+}
+
+/** Box around the robots and nearly all returns of scans; a few far ones shall not make all others small. */
+function boxOf(items) {
+  return [0, 1].flatMap((axis) => {
+    const values = items.flatMap(({ points, T }) => [...placed(points, T).filter((_, k) => k % 2 === axis)]).sort((p, q) => p - q);
+    const cut = Math.floor(values.length * 0.03), robots = items.map(({ T }) => T[axis]);
+    return [Math.min(values[cut] ?? 0, ...robots), Math.max(values[values.length - 1 - cut] ?? 0, ...robots)];
+  });
+}
+
+/** Draw scans, each at a pose in one frame; what the box holds is seen. */
+function drawScans(canvas, items, box) {
   const ratio = window.devicePixelRatio || 1, side = canvas.clientWidth || 150;
   canvas.width = canvas.height = Math.round(side * ratio);
   const context = canvas.getContext('2d');
-  const placed = items.map(({ points, T, colour }) => {
-    const [c, s] = [Math.cos(T[2]), Math.sin(T[2])], out = new Float32Array(points.length);
-    for (let k = 0; k < points.length; k += 2) {
-      out[k] = T[0] + c * points[k] - s * points[k + 1];
-      out[k + 1] = T[1] + s * points[k] + c * points[k + 1];
-    }
-    return { out, T, colour };
-  });
-  const ordered = (axis) => placed.flatMap(({ out, T }) => [T[axis], ...out.filter((_, k) => k % 2 === axis)]).sort((a, b) => a - b);
-  const box = [0, 1].map((axis) => {
-    const values = ordered(axis), cut = Math.floor(values.length * 0.01);
-    return [values[cut], values[values.length - 1 - cut]];
-  });
   const camera = new Camera(2);
   [camera.width, camera.height] = [side, side];
-  camera.fit([...box[0], ...box[1]], 0.07);
+  camera.fit(box, 0.07);
   context.scale(ratio, ratio);
   context.strokeStyle = colours.grid;
   context.lineWidth = 1;
@@ -67,7 +73,8 @@ function drawScans(canvas, items) {
     context.lineTo(side, y);
   }
   if (camera.scale > 1.5) context.stroke();
-  for (const { out, T, colour } of placed) {
+  for (const { points, T, colour } of items) {
+    const out = placed(points, T);
     context.fillStyle = colour;
     context.globalAlpha = 0.85;
     for (let k = 0; k < out.length; k += 2) context.fillRect(camera.toScreenX(out[k]) - 0.9, camera.toScreenY(out[k + 1]) - 0.9, 1.8, 1.8);
@@ -135,7 +142,8 @@ class Inspector {
     if (scene.dim === 2) rows.push(['heading', degrees(scene.heading[row])]);
     const canvas = scene.scans && make('canvas', { class: 'scan', role: 'img', 'aria-label': 'Scan of this pose' });
     if (canvas) {
-      this.redraw = () => drawScans(canvas, [{ points: scene.scans.of(row), T: [0, 0, Math.PI / 2], colour: colours.scan }]);
+      const items = [{ points: scene.scans.of(row), T: [0, 0, Math.PI / 2], colour: colours.scan }];
+      this.redraw = () => drawScans(canvas, items, boxOf(items));
     }
     return [make('h2', {}, `Pose ${scene.name[row]}`), facts(rows), ...this.uncertainty(row), canvas,
       canvas && make('p', { class: 'sub' }, 'Its scan; the robot looks up. Lines are 5 m apart.'), ...this.around(row), this.nav()];
@@ -224,9 +232,10 @@ class Inspector {
       make('canvas', { 'data-overlay': id, role: 'img', 'aria-label': `Both scans. ${caption}` }),
       make('figcaption', {}, T ? caption : 'Nothing was expected'))));
     if (views) {
-      this.redraw = () => kinds.forEach(([id, T]) => drawScans(views.querySelector(`[data-overlay=${id}]`), [
-        { points: scene.scans.of(target), T: [0, 0, 0], colour: colours.scan },
-        ...(T ? [{ points: scene.scans.of(source), T, colour: colours.other }] : [])]));
+      const both = (T) => [{ points: scene.scans.of(target), T: [0, 0, 0], colour: colours.scan },
+        ...(T ? [{ points: scene.scans.of(source), T, colour: colours.other }] : [])];
+      const box = boxOf(both(kinds[1][1])); // the same for both, so that they can be compared
+      this.redraw = () => kinds.forEach(([id, T]) => drawScans(views.querySelector(`[data-overlay=${id}]`), both(T), box));
     }
     const swatch = (colour) => make('span', { class: 'swatch', style: `background:${colour}` });
     const step = (by) => this.select({ kind: 'closure', row: group[(place + by + group.length) % group.length], last: -1 }, true);

@@ -33,7 +33,7 @@ class Overlay {
   /** Points of a pose's scan at a pose; `T` is x, y, heading. */
   scan(context, camera, row, T, colour) {
     const points = this.scene.scans.of(row), [c, s] = [Math.cos(T[2]), Math.sin(T[2])];
-    const size = camera.scale > 40 ? 1.6 : 1.1;
+    const size = camera.scale > 25 ? 1.7 : 1.2;
     context.fillStyle = colour;
     context.beginPath();
     for (let k = 0; k < points.length; k += 2) {
@@ -102,6 +102,10 @@ class Overlay {
 
   selected(context, camera, selection) {
     const { scene } = this;
+    if (scene.scans && (selection.kind === 'pose' || selection.kind === 'closure')) { // a veil, so that the scans stand out
+      context.fillStyle = `rgba(${colours.stage.join(', ')}, 0.55)`;
+      context.fillRect(0, 0, camera.width, camera.height);
+    }
     if (scene.scans && selection.kind === 'pose') {
       this.scan(context, camera, selection.row, this.poseOf(selection.row), colours.scan);
     }

@@ -78,7 +78,7 @@ class Layers {
         context.globalAlpha = 1;
       });
     };
-    simple('observation', 'sightings of landmarks', true, 0.4, 1);
+    simple('observation', 'sightings of landmarks', true, Math.min(0.4, 12 / Math.sqrt(rows.observation.length)), 1);
     simple('loop', dense ? 'scans aligned with each other' : 'loop edges', !dense, dense ? 0.35 : 0.7, 1);
     if (rows.odometry.length) {
       const byRobot = scene.robots.map((_, robot) => new Segments(ends,
@@ -154,12 +154,20 @@ class Layers {
       });
     }
     if (scene.covariance || scene.mark.covariance) {
-      this.add('ellipses', '95 % ellipses', true, 0, 'ring', () => colours.ellipse, (context, camera, until) => {
+      this.add('ellipses', '95 % ellipses', !this.drowns(scene), 0, 'ring', () => colours.ellipse, (context, camera, until) => {
         context.strokeStyle = colours.ellipse;
         context.lineWidth = 1.2;
         this.ellipses(context, camera, until);
       });
     }
+  }
+
+  /** Whether most ellipses are so large that nothing else could be seen. */
+  drowns(scene) {
+    if (!scene.covariance) return false;
+    const box = this.projection.box(), extent = Math.max(box[1] - box[0], box[3] - box[2]);
+    const radius = Array.from({ length: scene.count }, (_, i) => ellipseOf(scene.covariance.subarray(6 * i, 6 * i + 6), this.projection.camera).major);
+    return radius.sort((a, b) => a - b)[scene.count >> 1] > 0.1 * extent;
   }
 
   label(context, camera, rows) {

@@ -90,7 +90,7 @@ class Segments {
   pass(context, camera, projection, until, away, near, far) {
     const { u, v } = projection, { ends, rows } = this;
     const last = after(this.born, until), w = camera.width + 20, h = camera.height + 20;
-    let drawn = 0, endX = NaN, endY = NaN;
+    let drawn = 0, tip = -1, penX = 0, penY = 0; // a chain goes on at its tip; the pen may lag behind by less than a pixel
     context.beginPath();
     for (let k = 0; k < last; k++) {
       const a = ends[2 * rows[k]], b = ends[2 * rows[k] + 1];
@@ -98,15 +98,20 @@ class Segments {
       const ax = camera.toScreenX(u[a]), ay = camera.toScreenY(v[a]);
       const bx = camera.toScreenX(u[b]), by = camera.toScreenY(v[b]);
       if ((ax < -20 && bx < -20) || (ay < -20 && by < -20) || (ax > w && bx > w) || (ay > h && by > h)) continue;
-      if (Math.abs(ax - bx) + Math.abs(ay - by) < 0.35) continue;
-      if (ax !== endX || ay !== endY) context.moveTo(ax, ay);
-      context.lineTo(bx, by);
-      [endX, endY] = [bx, by];
-      if (++drawn % PORTION === 0) {
-        context.stroke();
-        context.beginPath();
-        endX = NaN;
+      if (a !== tip || drawn === PORTION) {
+        if (drawn === PORTION) {
+          context.stroke();
+          context.beginPath();
+          drawn = 0;
+        }
+        if (a !== tip) [penX, penY] = [ax, ay];
+        context.moveTo(penX, penY);
       }
+      tip = b;
+      if (Math.abs(penX - bx) + Math.abs(penY - by) < 0.7) continue;
+      context.lineTo(bx, by);
+      [penX, penY] = [bx, by];
+      drawn++;
     }
     context.stroke();
   }
