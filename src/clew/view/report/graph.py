@@ -23,6 +23,7 @@ CHI2_95 = {2: 5.991464547107979, 3: 7.814727903251179}  # squared distance that 
 _ROWS = 10  # of a table
 _UNLIKELY = 1e-6  # chance of so large a residual anywhere in the graph, below which it is worth a look
 _DOUBTED = 0.5  # robust weight below which a measurement is hardly believed
+_MANY = 0.02  # share of measurements of one kind that are doubted, above which it is worth a look
 _LEAST_STRETCH = 8  # poses held by odometry alone that are worth a sentence
 _STRETCHES = 3  # such sentences
 
@@ -193,29 +194,27 @@ def _open_directions(solution: Solution) -> list[Note]:
 
 
 def _misfits(residuals: FactorResiduals, place: Index, scene: Scene) -> list[Note]:
+    """Measurements that the robust kernel hardly believes, and believed ones that noise as stated cannot explain."""
     notes = []
-    doubted = np.flatnonzero(residuals.weight < _DOUBTED)
+    share = residuals.squared / np.maximum(residuals.dim, 1)
+    doubted = residuals.weight < _DOUBTED
+    unlikely = ~doubted & (residuals.chance < _UNLIKELY / max(len(residuals), 1))
     for role in (Role.LOOP, Role.OBSERVATION, Role.ODOMETRY):
-        mine = doubted[residuals.of_role(role)[doubted]]
+        mine = np.flatnonzero(doubted & residuals.of_role(role))
         if len(mine):
-            worst = int(mine[np.argmin(residuals.weight[mine])])
-            one = len(mine) == 1
-            share = len(mine) / int(residuals.of_role(role).sum())
-            level = "check" if share > 0.02 else "know"
+            part = len(mine) / int(residuals.of_role(role).sum())
+            verb, them, their = ("contradicts", "it", "its") if len(mine) == 1 else ("contradict", "them", "their")
             notes.append(Note(
-                f"{counted(len(mine), _NOUNS[role])} ({100 * share:.1f} %) {'contradicts' if one else 'contradict'} the "
-                f"others so much that the robust kernel gives {'it' if one else 'them'} less than half of "
-                f"{'its' if one else 'their'} weight.", level, _edge(place, worst)))
-    full = residuals.weight >= _DOUBTED
-    unlikely = np.flatnonzero(full & (residuals.chance < _UNLIKELY / max(len(residuals), 1)))
-    for role in (Role.LOOP, Role.OBSERVATION, Role.ODOMETRY):
-        mine = unlikely[residuals.of_role(role)[unlikely]]
+                f"{counted(len(mine), _NOUNS[role])} ({100 * part:.1f} %) {verb} the others so much that the robust "
+                f"kernel gives {them} less than half of {their} weight.", "check" if part > _MANY else "know",
+                _edge(place, int(mine[np.argmin(residuals.weight[mine])]))))
+        mine = np.flatnonzero(unlikely & residuals.of_role(role))
         if len(mine):
-            sigmas = residuals.squared[mine] / residuals.dim[mine]
-            worst = int(mine[np.argmax(sigmas)])
+            worst = int(mine[np.argmax(share[mine])])
             notes.append(Note(
-                f"{counted(len(mine), _NOUNS[role])} {'misses' if len(mine) == 1 else 'miss'} by more than their stated "
-                f"noise can explain, the worst by {np.sqrt(sigmas.max()):.1f} standard deviations.", "check", _edge(place, worst)))
+                f"{counted(len(mine), _NOUNS[role])} {'misses' if len(mine) == 1 else 'miss'} by more than their "
+                f"stated noise can explain, the worst by {np.sqrt(share[worst]):.1f} standard deviations.", "check",
+                _edge(place, worst)))
     return notes
 
 
