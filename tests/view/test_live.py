@@ -88,7 +88,7 @@ def test_page_holds_what_the_slam_holds() -> None:
     np.testing.assert_allclose(page.poses, slam.keyframes.T_world_robot, atol=1e-5)
     assert len(page.clouds) == len(slam.keyframes) > 5
     for index, cloud in enumerate(page.clouds):
-        points = slam.keyframe_points(index)
+        points = slam.keyframe_points[index]
         step = -(-len(points) // 180)
         np.testing.assert_allclose(cloud / 100.0, points[::step], atol=0.0051)
     assert len(page.closures) == len(slam.closures)

@@ -31,14 +31,14 @@ from clew.io import (
     write_tum,
 )
 from clew.slam.landmarks import LandmarkMap, map_landmarks
-from clew.view import save_landmarks_png
+from clew.view import report_of_landmarks, save_landmarks_png, write_report
 
 
 def run_landmarks(folder: Path, out: Path, robot: int | None, json: bool, quiet: bool) -> None:
     """Map what one robot of a folder saw, or all of them together, and write everything into the output folder.
 
     Writes ``trajectory.tum`` (one a robot, ``trajectory_robotN.tum``, for several), ``graph.g2o``, ``landmarks.csv``,
-    ``landmarks.png`` and ``summary.json``.
+    ``landmarks.png``, ``report.html`` and ``summary.json``.
 
     Args:
         folder: a folder of the UTIAS MRCLAM data (`clew.io.is_mrclam`).
@@ -66,6 +66,8 @@ def run_landmarks(folder: Path, out: Path, robot: int | None, json: bool, quiet:
     summary = {"log": folder.name, **_summary(found, logs, survey), "version": __version__}
     summary["wall_seconds"] = round(time.perf_counter() - begun, 3)
     _write(found, folder.name, out)
+    skipped: dict[str, int] = dict(sum((log.report.skipped for log in logs), Counter()))
+    write_report(out / "report.html", report_of_landmarks(found, folder.name, dict(sorted(skipped.items()))))
     write_summary(summary, out / "summary.json")
     if json:
         sys.stdout.write(json_.dumps(summary) + "\n")
@@ -152,4 +154,4 @@ def _report(summary: dict[str, object], out: Path, console: Console) -> None:
     assert isinstance(skipped, dict)
     if skipped:
         console.print("left out: " + ", ".join(f"{n} {reason}" for reason, n in skipped.items()), highlight=False)
-    console.print(f"look at {out / 'landmarks.png'}; everything else is beside it", highlight=False)
+    console.print(f"look at {out / 'report.html'}; everything else is beside it", highlight=False)

@@ -29,7 +29,7 @@ def merge(
     Where the robots stand to each other is told from at least three landmarks of the same identity, from a
     constellation of landmarks that cannot be chance, or from edges between the robots' poses (the top byte of a
     vertex id is the robot's letter). Robots that cannot be placed are not merged. The result is in the frame of
-    the first robot.
+    the first robot; report.html shows it.
 
     **Examples**
 
@@ -40,6 +40,7 @@ def merge(
     from clew.fleet import merge as merge_robots
     from clew.fleet import read_robots, write_merged
     from clew.io import ensure_output_folder
+    from clew.view import report_of_merge, write_report
 
     with stages(messages(quiet)) as shown:
         shown.begin("reading")
@@ -49,6 +50,7 @@ def merge(
         shown.begin("writing")
         ensure_output_folder(output)
         write_merged(merged, output)
+        write_report(output / "report.html", report_of_merge(merged))
     summary = summarise(merged)
     if as_json:
         typer.echo(json.dumps(summary, indent=2))

@@ -75,6 +75,15 @@ def optimize(
     plot: Annotated[
         Path | None, typer.Option(help="Draw the result as PNG; with --marginals, ellipses too.")
     ] = None,
+    report: Annotated[
+        Path | None,
+        typer.Option(
+            show_default=False,
+            help="Write the report, one HTML file with the graph to look around in, how sure it is and what fits "
+            "badly. Default: beside the result (-o best.g2o: best.report.html).",
+        ),
+    ] = None,
+    no_report: Annotated[bool, typer.Option("--no-report", help="Write no report beside the result.")] = False,
     as_json: Json = False,
     quiet: Quiet = False,
     log_level: LogLevelOption = LogLevel.WARNING,
@@ -94,7 +103,13 @@ def optimize(
     clock = _Clock()
     from clew.cli.formats import GRAPHS, TRAJECTORIES, format_of
     from clew.cli.progress import stages
-    from clew.cli.solution_outputs import draw, write_marginals, write_result
+    from clew.cli.solution_outputs import (
+        draw,
+        report_beside,
+        write_marginals,
+        write_result,
+        write_solution_report,
+    )
     from clew.cli.terminal import messages
     from clew.errors import InputError
     from clew.io import read_graph
@@ -104,7 +119,9 @@ def optimize(
     kernel = None if robust is None else parse_kernel(robust)
     if output is not None:
         format_of(output, GRAPHS + TRAJECTORIES)
-    check_outputs(output, marginals, plot)  # a wrong name shall not cost a solve
+    if report is None and output is not None and not no_report:
+        report = report_beside(output)
+    check_outputs(output, marginals, plot, report)  # a wrong name shall not cost a solve
     clock.skip()
     with stages(messages(quiet)) as shown:
         shown.begin("reading", note=graph.name)
@@ -136,6 +153,9 @@ def optimize(
     if plot is not None:
         draw(plot, solution, ellipses=marginals is not None)
         clock.lap("plot")
+    if report is not None:
+        write_solution_report(report, file, solution, robust=kernel, notes=_notes(file))
+        clock.lap("report")
     seconds = clock.finish()
     if as_json:
         typer.echo(_as_json(file, solution, seconds))
@@ -143,17 +163,23 @@ def optimize(
         typer.echo(_as_text(file, solution, seconds))
 
 
-def check_outputs(output: Path | None, marginals: Path | None, plot: Path | None) -> None:
+def check_outputs(
+    output: Path | None, marginals: Path | None, plot: Path | None, report: Path | None = None
+) -> None:
     """Refuse outputs that would overwrite each other or cannot be written.
 
     Raises:
-        InputError: two outputs of one name, a picture that is no PNG, or a folder that is missing.
+        InputError: two outputs of one name, a picture that is no PNG, a report that is no HTML, or a folder that is
+            missing.
     """
     from clew.errors import InputError
 
+    if report is not None and report.suffix.lower() not in (".html", ".htm"):
+        raise InputError(f"{report}: reports are HTML files; give a name that ends in .html")
+
     if plot is not None and plot.suffix.lower() != ".png":
         raise InputError(f"{plot}: pictures are PNG files; give a name that ends in .png")
-    given = [path for path in (output, marginals, plot) if path is not None]
+    given = [path for path in (output, marginals, plot, report) if path is not None]
     if len({path.resolve() for path in given}) < len(given):
         raise InputError(f"{given[0]}: two outputs have one name; give each its own")
     for path in given:

@@ -50,8 +50,9 @@ def run(
     A folder of the UTIAS MRCLAM data (odometry and sightings of landmarks) gives landmarks.csv and landmarks.png in
     place of the map, for one robot or for all of them in one graph; the options of laser logs do not concern it.
 
-    **OUT** receives trajectory.tum (a pose for every scan), keyframes.tum, graph.g2o, map.pgm and map.yaml (for ROS),
-    map.png, overview.png (look at this first), closures.csv and summary.json.
+    **OUT** receives report.html (look at this first: map, replay, closures with their scans, what to check),
+    trajectory.tum (a pose for every scan), keyframes.tum, graph.g2o, map.pgm and map.yaml (for ROS), map.png,
+    overview.png, closures.csv and summary.json.
 
     With --live a page in the browser shows map and graph while they grow (on this machine only; the address that is
     printed holds a key that lets you in). Closing it changes nothing.

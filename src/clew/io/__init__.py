@@ -5,7 +5,7 @@ from clew.io.bag import Topic, list_topics
 from clew.io.graph_file import Features, GraphFile, GraphReport
 from clew.io.health import LaserHealth, LogHealth, StreamHealth, log_health, stream_health
 from clew.io.kind import GRAPHS, LOGS, TRAJECTORIES, FileKind, file_kind
-from clew.io.log import Log, Measurement, ReadReport
+from clew.io.log import Log, Measurement, ReadReport, Records
 from clew.io.mrclam import is_mrclam, mrclam_robots, read_mrclam, read_survey
 from clew.io.open_log import open_log
 from clew.io.read_graph import read_graph
@@ -30,6 +30,7 @@ __all__ = [
     "LogHealth",
     "Measurement",
     "ReadReport",
+    "Records",
     "Relations",
     "RosMap",
     "SightingLog",

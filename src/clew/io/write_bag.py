@@ -59,7 +59,7 @@ def _aside(path: Path, style: str) -> Iterator[Path]:
         raise InputError(f"{path}: is there already; remove it or choose another name")
     try:
         with tempfile.TemporaryDirectory(prefix=f".{path.name[:100]}.", dir=path.resolve().parent) as folder:
-            place = Path(folder) / (path.stem if single else path.name)
+            place = Path(folder) / ("bag" if single else path.name)  # the bag may hold its name
             yield place
             if style != "ros1" and single:
                 place = next(file for file in place.iterdir() if file.suffix == path.suffix)
@@ -125,7 +125,8 @@ class _Writer:
         return self.types.types[name](**fields)
 
     def _header(self, timestamp: float, frame: str) -> Any:
-        seconds, nanoseconds = divmod(round(timestamp * 1e9), 1_000_000_000)
+        # A stamp of zero says that there is none.
+        seconds, nanoseconds = divmod(max(round(timestamp * 1e9), 1), 1_000_000_000)
         stamp = self.make("builtin_interfaces/msg/Time", sec=seconds, nanosec=nanoseconds)
         self.sequence += 1
         return self.make("std_msgs/msg/Header", stamp=stamp, frame_id=frame,

@@ -201,9 +201,10 @@ class Slam:
         """The scan that was taken last, or None before any."""
         return self._scans[-1] if self._scans else None
 
-    def keyframe_points(self, index: int) -> Array:
-        """``(n, 2)`` returns of a keyframe in the frame of the robot, in the order of the beams."""
-        return self._keyframes[index].points.points
+    @property
+    def keyframe_points(self) -> list[Array]:
+        """Returns ``(n, 2)`` of each keyframe's scan in the robot's frame, metres, in the order of the beams."""
+        return [self._keyframes[k].points.points for k in range(len(self._keyframes))]
 
     @property
     def graph(self) -> FactorGraph:

@@ -65,8 +65,8 @@ class FrameMaker:
     def take(self, slam: Slam, stage: str) -> LiveFrame:
         """The present moment."""
         poses = slam.keyframes.T_world_robot.copy()
-        for index in range(len(self._clouds), len(poses)):
-            self._clouds.append(_thinned(slam.keyframe_points(index)))
+        if len(poses) > len(self._clouds):
+            self._clouds += [_thinned(points) for points in slam.keyframe_points[len(self._clouds) : len(poses)]]
         scan = slam.last_scan
         closures = np.array([(c.source, c.target) for c in slam.closures], dtype=np.int32).reshape(-1, 2)
         begin, end = slam.time_span
