@@ -1,4 +1,4 @@
-"""What ``clew optimize`` writes: graph or trajectory, covariances, a picture."""
+"""What ``clew optimize`` writes: graph or trajectory, covariances, a picture, a report."""
 
 from __future__ import annotations
 
@@ -7,53 +7,36 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from clew.errors import InputError
-from clew.io import GraphFile, atomic_write, write_graph, write_kitti, write_tum
+from clew.cli.formats import GRAPHS, TRAJECTORIES, Format, format_of
+from clew.geometry import SE2, SE3
+from clew.io import GraphFile, atomic_write, write_csv, write_graph, write_kitti, write_tum
+from clew.noise import Kernel
 from clew.solve import Solution
 
 Array = NDArray[np.float64]
-
-FORMATS = {".g2o": "g2o", ".graph": "toro", ".tum": "tum", ".kitti": "kitti", ".txt": "kitti"}
-
-
-def format_of(path: Path) -> str:
-    """Format that the ending of a name asks for: "g2o", "toro", "tum" or "kitti".
-
-    Raises:
-        InputError: another ending.
-    """
-    packed = path.suffix in (".gz", ".bz2")
-    ending = Path(path.stem).suffix if packed else path.suffix
-    name = FORMATS.get(ending.lower())
-    if name is None or (packed and name not in ("g2o", "toro")):
-        raise InputError(
-            f"-o {path}: no format has the ending {path.suffix!r}; choose .g2o, .graph (TORO), .tum, .kitti or .txt "
-            "(KITTI); .gz or .bz2 after .g2o and .graph"
-        )
-    return name
 
 
 def write_result(path: Path, file: GraphFile, solution: Solution) -> None:
     """The optimised graph, or its poses in the order of their keys.
 
-    A graph has no times: in a TUM file the key of a pose stands for its timestamp.
+    A graph has no times: in a TUM or CSV file the key of a pose stands for its timestamp.
 
     Raises:
         InputError: an unknown ending, a graph that the format cannot hold, or a file that cannot be written.
     """
-    style = format_of(path)
-    if style == "g2o":
+    wanted = format_of(path, GRAPHS + TRAJECTORIES)
+    if wanted is Format.G2O:
         write_graph(path, solution.graph, features=file.features, unknown=file.report.unknown)
-    elif style == "toro":
-        write_graph(path, solution.graph, style=style)
+    elif wanted is Format.TORO:
+        write_graph(path, solution.graph, style="toro")
     else:
         keys = solution.keys()
         order = np.argsort(keys)
         poses = solution.values().array[order]
-        if style == "tum":
-            write_tum(path, keys[order].astype(np.float64), poses)
-        else:
+        if wanted is Format.KITTI:
             write_kitti(path, poses)
+        else:
+            (write_csv if wanted is Format.CSV else write_tum)(path, keys[order].astype(np.float64), poses)
 
 
 def write_marginals(path: Path, solution: Solution) -> None:
@@ -80,3 +63,22 @@ def draw(path: Path, solution: Solution, *, ellipses: bool) -> None:
 
     scene = solution_scene(solution, covariances=ellipses)
     save_figure(graph_figure(scene, f"chi2 {solution.chi2:.6g}"), path)
+
+
+def report_beside(output: Path) -> Path:
+    """Where the report of a result goes unless it is told: ``best.report.html`` beside ``best.g2o.gz``."""
+    return output.with_name(output.name.split(".")[0] + ".report.html")
+
+
+def write_solution_report(
+    path: Path, file: GraphFile, solution: Solution, *, robust: Kernel | None, notes: list[str]
+) -> None:
+    """The report of a solve; nothing for a graph without poses, which has no map.
+
+    Raises:
+        InputError: the file cannot be written.
+    """
+    from clew.view import report_of_solution, write_report
+
+    if any(kind in (SE2, SE3) for kind in solution.kinds):
+        write_report(path, report_of_solution(solution, file.path.name, robust=robust, notes=tuple(notes)))

@@ -10,6 +10,14 @@ from clew.view.graph import before_after_figure, graph_figure
 from clew.view.landmarks import save_landmarks_png
 from clew.view.map import save_map_png
 from clew.view.overview import save_overview_png
+from clew.view.report import (
+    Report,
+    report_of_landmarks,
+    report_of_merge,
+    report_of_run,
+    report_of_solution,
+    write_report,
+)
 from clew.view.residuals import residuals_figure
 from clew.view.scene import Scene, graph_scene, solution_scene
 from clew.view.sparsity import sparsity_figure
@@ -18,6 +26,7 @@ from clew.view.style import DARK, LIGHT, Theme, save_figure
 __all__ = [
     "DARK",
     "LIGHT",
+    "Report",
     "Scene",
     "Theme",
     "before_after_figure",
@@ -25,6 +34,10 @@ __all__ = [
     "error_figure",
     "graph_figure",
     "graph_scene",
+    "report_of_landmarks",
+    "report_of_merge",
+    "report_of_run",
+    "report_of_solution",
     "residuals_figure",
     "save_figure",
     "save_landmarks_png",
@@ -32,4 +45,5 @@ __all__ = [
     "save_overview_png",
     "solution_scene",
     "sparsity_figure",
+    "write_report",
 ]
