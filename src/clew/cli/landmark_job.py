@@ -14,6 +14,8 @@ from rich.console import Console
 
 from clew._version import __version__
 from clew.cli.outputs import write_summary
+from clew.cli.progress import stages
+from clew.cli.terminal import messages
 from clew.errors import InputError
 from clew.evaluate import absolute_trajectory_error, align
 from clew.geometry import se2
@@ -52,13 +54,14 @@ def run_landmarks(folder: Path, out: Path, robot: int | None, json: bool, quiet:
     numbers = (robot,) if robot is not None else mrclam_robots(folder)
     if not numbers:
         raise InputError(f"{folder}: holds no RobotN_Odometry.dat; give a folder of the UTIAS MRCLAM data")
-    console = Console(stderr=True, quiet=quiet)
+    console = messages(quiet)
     begun = time.perf_counter()
     with console.status(f"reading {folder.name}"):
         logs = [read_mrclam(folder, number) for number in numbers]
         survey = read_survey(folder)
     ensure_output_folder(out)
-    with console.status("mapping"):
+    with stages(console) as shown:
+        shown.begin("mapping", note=f"{sum(len(log.landmarks) for log in logs):,} sightings of landmarks")
         found = map_landmarks(logs)
     summary = {"log": folder.name, **_summary(found, logs, survey), "version": __version__}
     summary["wall_seconds"] = round(time.perf_counter() - begun, 3)

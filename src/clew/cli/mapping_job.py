@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import time
 from collections import Counter
 from collections.abc import Callable
@@ -13,6 +14,7 @@ from numpy.typing import NDArray
 from rich.console import Console
 
 from clew.cli.interrupt import Interrupt
+from clew.cli.live import JobViewer, NoViewer
 from clew.cli.outputs import write_outputs
 from clew.cli.process import peak_memory_mb
 from clew.cli.progress import job_progress
@@ -22,6 +24,8 @@ from clew.motion import Odometry
 from clew.place import Verdict
 from clew.slam import Slam, SlamConfig, Trajectory
 from clew.view import report_of_run, write_report
+
+_log = logging.getLogger(__name__)
 
 Array = NDArray[np.float64]
 
@@ -35,7 +39,6 @@ class JobOptions:
     refine: bool = True
     odometry: bool = True
     resolution: float = 0.05
-    quiet: bool = False
 
 
 @dataclass(frozen=True)
@@ -50,6 +53,7 @@ class JobResult:
 def map_log(
     log: Records, options: JobOptions, console: Console, begun: float | None = None,
     health: Callable[[], LogHealth] | None = None, truth: Callable[[Array], Trajectory] | None = None,
+    viewer: JobViewer | None = None,
 ) -> JobResult:  # fmt: skip
     """Estimate, refine, map and write everything into the output folder, which exists.
 
@@ -60,14 +64,16 @@ def map_log(
         begun: `time.perf_counter` when the job began, for its duration; now unless given.
         health: tells the state of the log, when the estimate is done.
         truth: gives the true poses at timestamps, in the frame of the first, where they are known.
+        viewer: shows the job while it works.
 
     Raises:
         InputError: the log holds no usable scan, or a file cannot be written.
     """
     begun = time.perf_counter() if begun is None else begun
-    slam = Slam(SlamConfig(map_resolution=options.resolution), use_odometry=options.odometry)
+    viewer = NoViewer() if viewer is None else viewer
+    slam = Slam(SlamConfig(map_resolution=options.resolution), use_odometry=options.odometry, viewer=viewer)
     left_out: Counter[str] = Counter()
-    with Interrupt() as interrupt, job_progress(console, log.scan_count, options.quiet) as progress:
+    with Interrupt() as interrupt, job_progress(console, log.scan_count) as progress:
         for measurement in log.measurements():
             if interrupt.requested:
                 break
@@ -88,12 +94,17 @@ def map_log(
                 f"no odometry before any of the {log.scan_count} scans: give a log with odometry, "
                 "or estimate the motion from the scans alone with --no-odometry"
             )
+        _log.info("mapped %d scans, %d keyframes, %d closures in %.2f s", slam.scan_count, len(slam.keyframes),
+                  len(slam.closures), time.perf_counter() - begun)
         if options.refine and not stopped:
+            viewer.stage("refining")
             slam.refine(progress.refining)
         else:
             slam.optimise()
         progress.writing()
+        viewer.stage("writing")
         estimated = time.perf_counter() - begun
+        _log.info("the estimate stands after %.2f s; writing to %s", estimated, options.out)
         grid = write_outputs(slam, options.out, options.title)
         skipped = dict(sorted((log.report.skipped + left_out).items()))
         write_report(options.out / "report.html", report_of_run(

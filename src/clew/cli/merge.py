@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from clew.cli.options import Json, LogLevel, LogLevelOption, Quiet
+
 if TYPE_CHECKING:
     from clew.fleet import MergedFleet
 
@@ -18,7 +20,9 @@ def merge(
         show_default=False)],
     output: Annotated[Path, typer.Option("-o", "--output", help="Folder for the merged graph.", metavar="OUT",
                                          show_default=False)],
-    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object instead of text.")] = False,
+    as_json: Json = False,
+    quiet: Quiet = False,
+    log_level: LogLevelOption = LogLevel.WARNING,
 ) -> None:
     """Merge robots that share landmarks or have relative poses between their graphs; no initial guess is needed.
 
@@ -31,17 +35,27 @@ def merge(
 
     `clew merge out1 out2 out3 -o all`
     """
+    from clew.cli.progress import stages
+    from clew.cli.terminal import messages
     from clew.fleet import merge as merge_robots
     from clew.fleet import read_robots, write_merged
     from clew.io import ensure_output_folder
     from clew.view import report_of_merge, write_report
 
-    merged = merge_robots(read_robots(inputs))
-    ensure_output_folder(output)
-    write_merged(merged, output)
-    write_report(output / "report.html", report_of_merge(merged))
+    with stages(messages(quiet)) as shown:
+        shown.begin("reading")
+        robots = read_robots(inputs)
+        shown.begin("merging", note=f"{len(robots)} robots")
+        merged = merge_robots(robots)
+        shown.begin("writing")
+        ensure_output_folder(output)
+        write_merged(merged, output)
+        write_report(output / "report.html", report_of_merge(merged))
     summary = summarise(merged)
-    typer.echo(json.dumps(summary, indent=2) if as_json else _as_text(merged, summary))
+    if as_json:
+        typer.echo(json.dumps(summary, indent=2))
+    elif not quiet:
+        typer.echo(_as_text(merged, summary))
 
 
 def summarise(merged: MergedFleet) -> dict[str, object]:
