@@ -13,7 +13,7 @@ from clew.graph import Factor, FactorGraph
 from clew.graph.index import as_keys
 from clew.reduce.blanket import Blanket, eliminate
 from clew.reduce.joint import JointMeasurement
-from clew.reduce.relation import WORLD, is_pose, measured, see_jacobian
+from clew.reduce.relation import WORLD, is_pose, relations
 from clew.reduce.tree import Gaussian, fix_frame, nearest_tree
 
 Array = NDArray[np.float64]
@@ -120,20 +120,15 @@ def _joint(blanket: Blanket, gaussian: Gaussian) -> JointMeasurement:
     from_world = gaussian.root == WORLD
     seen = [i for i in range(len(blanket.keys)) if i != gaussian.root]
     order = seen if from_world else [gaussian.root, *seen]
-    design = np.concatenate([see_jacobian(blanket, gaussian.root, i) for i in seen])
+    root = np.array([gaussian.root])
+    each = [relations(blanket, root, np.array([i])) for i in seen]
+    measured = [relation.measured(gaussian.step) for relation in each]
     free = np.concatenate([np.arange(blanket.starts[i], blanket.starts[i + 1]) for i in seen])
-    # tangents of the free variables from those of the relative poses; the determinant is one
-    back = np.linalg.inv(design[:, free])
-    parts, turns, row = [], [], 0
-    for i in seen:
-        rows = design[row : row + blanket.kinds[i].dim]
-        row += len(rows)
-        z, turn = measured(blanket, gaussian.root, i, rows @ gaussian.step)
-        parts.append(z)
-        turns.append(turn)
-    back = back @ block_diag(*turns)
+    design = np.concatenate([relation.jacobian[0] for relation in each])[:, free]
+    # tangents of the free variables from the residuals; the determinant is one
+    back = np.linalg.inv(design) @ block_diag(*(turn[0] for _, turn in measured))
     information = back.T @ blanket.information[np.ix_(free, free)] @ back
     return JointMeasurement(
-        [blanket.keys[i] for i in order], tuple(blanket.kinds[i] for i in order), np.concatenate(parts),
-        0.5 * (information + information.T), from_world=from_world,
+        [blanket.keys[i] for i in order], tuple(blanket.kinds[i] for i in order),
+        np.concatenate([z[0] for z, _ in measured]), 0.5 * (information + information.T), from_world=from_world,
     )  # fmt: skip

@@ -1,7 +1,8 @@
-"""Relative poses between the variables of a blanket, as functions of their tangents."""
+"""Relative poses between the variables of a blanket, many at once, as functions of their tangents."""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -13,6 +14,7 @@ from clew.graph import Factor, Role
 from clew.reduce.blanket import Blanket
 
 Array = NDArray[np.float64]
+Index = NDArray[np.int64]
 
 WORLD = -1  # node that stands for the world's origin
 
@@ -22,56 +24,67 @@ def is_pose(kind: type[Any]) -> bool:
     return kind in (SE2, SE3)
 
 
-def see(blanket: Blanket, a: int, b: int) -> Array:
-    """Storage of node `b` seen from node `a`, a pose or `WORLD`."""
-    values = blanket.values
-    if a == WORLD:
-        return values[b]
-    frame = blanket.kinds[a].functions
-    if is_pose(blanket.kinds[b]):
-        return np.asarray(frame.between(values[a], values[b]))
-    return np.asarray(frame.act(frame.inverse(values[a]), values[b]))
+@dataclass(frozen=True)
+class Relations:
+    """``P`` variables of one kind, each seen from a pose or from the world.
 
-
-def see_jacobian(blanket: Blanket, a: int, b: int) -> Array:
-    """Derivative ``(dim, n)`` of `b` seen from `a`, in the tangent of what is seen, by all tangents of the blanket."""
-    dim = blanket.kinds[b].dim
-    out = np.zeros((dim, int(blanket.starts[-1])))
-    if a == WORLD:
-        out[:, blanket.span(b)] = np.eye(dim)
-    elif is_pose(blanket.kinds[b]):
-        functions = blanket.kinds[a].functions
-        out[:, blanket.span(b)] = np.eye(dim)
-        out[:, blanket.span(a)] = -functions.adjoint(functions.between(blanket.values[b], blanket.values[a]))
-    else:
-        seen = relation(blanket, a, b, see(blanket, a, b), np.eye(dim))
-        _, (by_pose, by_point) = seen.linearise(blanket.values[a][None], blanket.values[b][None])
-        out[:, blanket.span(a)], out[:, blanket.span(b)] = by_pose[0], by_point[0]
-    return out
-
-
-def measured(blanket: Blanket, a: int, b: int, step: Array) -> tuple[Array, Array]:
-    """What measurement of `b` seen from `a` has its residual vanish after a step of it, to first order.
-
-    Args:
-        step: ``(dim,)`` in the tangent of what is seen.
-
-    Returns:
-        Its storage, and the matrix ``(dim, dim)`` that turns the residual of this measurement into the tangent of what
-        is seen now: with both, gradient and Gauss-Newton matrix of the factor are exactly what they should be.
+    Attributes:
+        kind: of what is seen.
+        a, b: ``(P,)`` nodes of the blanket; all `a` are `WORLD`, or none.
+        now: ``(P, storage)`` what is seen at the blanket's values.
+        jacobian: ``(P, dim, n)`` derivative of what is seen, in its tangent, by all tangents of the blanket.
     """
-    functions = blanket.kinds[b].functions
-    now = see(blanket, a, b)
-    z = np.asarray(functions.retract(now, step))
-    return z, np.asarray(np.linalg.inv(functions.local_jacobians(z, now)[1]))
+
+    kind: Any
+    a: Index
+    b: Index
+    now: Array
+    jacobian: Array
+
+    def measured(self, step: Array) -> tuple[Array, Array]:
+        """The measurements whose residuals vanish after a step ``(n,)`` of the blanket, to first order.
+
+        Returns:
+            Their storages ``(P, storage)``, and matrices ``(P, dim, dim)`` that turn their residuals into the tangents
+            of what is seen now: with both, gradient and Gauss-Newton matrix of the factors are exactly as they should.
+        """
+        z = self.kind.functions.retract(self.now, self.jacobian @ step)
+        return z, np.asarray(np.linalg.inv(self.kind.functions.local_jacobians(z, self.now)[1]))
+
+    def factors(self, blanket: Blanket, step: Array, information: Array) -> Factor:
+        """The relations as one block of factors; `information` ``(P, dim, dim)`` is that of what is seen now."""
+        z, turn = self.measured(step)
+        information = turn.transpose(0, 2, 1) @ information @ turn
+        information = 0.5 * (information + information.transpose(0, 2, 1))
+        keys = np.asarray(blanket.keys)
+        if self.a[0] == WORLD:
+            return Prior(keys[self.b], self.kind.from_array(z), information=information, role=Role.MARGINAL)
+        kind = Between if is_pose(self.kind) else PointObservation
+        return kind(keys[self.a], keys[self.b], z, information=information, role=Role.MARGINAL)
 
 
-def relation(blanket: Blanket, a: int, b: int, measurement: Array, information: Array) -> Factor:
-    """The measurement of `b` seen from `a` as a factor."""
-    if a == WORLD:
-        value = blanket.kinds[b].from_array(measurement)
-        return Prior(blanket.keys[b], value, information=information, role=Role.MARGINAL)
-    keys = blanket.keys[a], blanket.keys[b]
-    if is_pose(blanket.kinds[b]):
-        return Between(*keys, measurement, information=information, role=Role.MARGINAL)
-    return PointObservation(*keys, measurement, information=information, role=Role.MARGINAL)
+def relations(blanket: Blanket, a: Index, b: Index) -> Relations:
+    """Nodes `b`, all of one kind, seen from nodes `a`, all of them poses or all of them `WORLD`."""
+    kind: Any = blanket.kinds[b[0]]
+    seen = np.stack([blanket.values[i] for i in b])
+    rows, across = np.arange(len(b))[:, None, None], np.arange(kind.dim)
+    jacobian = np.zeros((len(b), kind.dim, int(blanket.starts[-1])))
+    of_b = rows, across[None, :, None], (blanket.starts[b][:, None] + across)[:, None, :]
+    if a[0] == WORLD:
+        jacobian[of_b] = np.eye(kind.dim)
+        return Relations(kind, a, b, seen, jacobian)
+    frame: Any = blanket.kinds[a[0]]
+    functions = frame.functions
+    poses = np.stack([blanket.values[i] for i in a])
+    of_a = rows, across[None, :, None], (blanket.starts[a][:, None] + np.arange(frame.dim))[:, None, :]
+    if is_pose(kind):
+        now = functions.between(poses, seen)
+        jacobian[of_b] = np.eye(kind.dim)
+        jacobian[of_a] = -functions.adjoint(functions.inverse(now))
+    else:
+        inverse = functions.inverse(poses)
+        now = functions.act(inverse, seen)
+        by_inverse, jacobian[of_b] = functions.act_jacobians(inverse, seen)
+        # A step of a pose on the right moves its inverse by minus the adjoint of that step.
+        jacobian[of_a] = -by_inverse @ functions.adjoint(poses)
+    return Relations(kind, a, b, now, jacobian)

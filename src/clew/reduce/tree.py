@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from clew.graph import Factor
 from clew.reduce.blanket import Blanket, covariance_of
-from clew.reduce.relation import WORLD, is_pose, measured, relation, see_jacobian
+from clew.reduce.relation import WORLD, Relations, is_pose, relations
 
 Array = NDArray[np.float64]
 
@@ -64,61 +64,83 @@ def nearest_tree(blanket: Blanket, gaussian: Gaussian, conservative: bool) -> tu
         conservative: take back information, from all edges alike, until no combination of the variables is known
             better than it was.
     """
-    edges = _spanning_tree(blanket, gaussian)
-    design = np.concatenate([e.jacobian for e in edges])
-    loss = 0.5 * (sum(e.log_determinant for e in edges) - gaussian.log_determinant)
-    informations = [np.linalg.inv(e.covariance) for e in edges]
+    edges = _candidates(blanket, gaussian)
+    chosen = [e.take(rows) for e, rows in zip(edges, _spanning_tree(blanket, gaussian, edges), strict=True)]
+    chosen = [e for e in chosen if len(e.log_determinant)]
+    loss = 0.5 * (sum(float(e.log_determinant.sum()) for e in chosen) - gaussian.log_determinant)
+    informations: list[Array] = [np.asarray(np.linalg.inv(e.covariance)) for e in chosen]
     if conservative:
-        start, total = 0, np.zeros((design.shape[1], design.shape[1]))
-        for information in informations:
-            rows = design[start : start + len(information)]
-            start += len(information)
-            total += rows.T @ information @ rows
+        total = sum(
+            np.einsum("pdi,pde,pej->ij", e.relations.jacobian, information, e.relations.jacobian)
+            for e, information in zip(chosen, informations, strict=True)
+        )
         # Eigenvalues of (tree's information) (covariance): above one, the tree claims too much.
-        excess = float(np.linalg.eigvals(total @ gaussian.covariance).real.max())
-        scale = max(excess, 1.0)
+        scale = max(float(np.linalg.eigvals(total @ gaussian.covariance).real.max()), 1.0)
         informations = [information / scale for information in informations]
-        loss += 0.5 * start * (1.0 / scale - 1.0 + np.log(scale))
-    factors = []
-    for e, information in zip(edges, informations, strict=True):
-        z, turn = measured(blanket, e.a, e.b, e.jacobian @ gaussian.step)
-        information = turn.T @ information @ turn
-        factors.append(relation(blanket, e.a, e.b, z, 0.5 * (information + information.T)))
+        dim = sum(e.covariance.shape[0] * e.covariance.shape[1] for e in chosen)
+        loss += 0.5 * dim * (1.0 / scale - 1.0 + np.log(scale))
+    factors = [
+        e.relations.factors(blanket, gaussian.step, information)
+        for e, information in zip(chosen, informations, strict=True)
+    ]
     return factors, max(float(loss), 0.0)
 
 
 @dataclass(frozen=True)
-class _Edge:
-    a: int
-    b: int
-    jacobian: Array
+class _Edges:
+    """Relations that the tree may have, with their marginals: covariances ``(P, dim, dim)``."""
+
+    relations: Relations
     covariance: Array
-    log_determinant: float
+    log_determinant: Array
+
+    def take(self, rows: list[int]) -> _Edges:
+        r = self.relations
+        part = Relations(r.kind, r.a[rows], r.b[rows], r.now[rows], r.jacobian[rows])
+        return _Edges(part, self.covariance[rows], self.log_determinant[rows])
 
 
-def _spanning_tree(blanket: Blanket, gaussian: Gaussian) -> list[_Edge]:
-    """Prim's algorithm from the root; points are leaves, for nothing can be seen from them."""
-    count = len(blanket.keys)
-    best: dict[int, _Edge] = {}
-    left = [i for i in range(count) if i != gaussian.root]
-    newest = gaussian.root
-    edges: list[_Edge] = []
-    while left:
-        if newest == WORLD or is_pose(blanket.kinds[newest]):
-            for i in left:
-                edge = _edge(blanket, gaussian, newest, i)
-                if i not in best or edge.log_determinant < best[i].log_determinant:
-                    best[i] = edge
-        poses = [i for i in left if is_pose(blanket.kinds[i])]  # before points: they may be nearer to these
-        newest = min(poses or left, key=lambda i: best[i].log_determinant)
-        edges.append(best[newest])
-        left.remove(newest)
-    return edges
+def _candidates(blanket: Blanket, gaussian: Gaussian) -> list[_Edges]:
+    """All relations of two poses, of a pose and a point, and of either to the world."""
+    # In the order of the keys: each pair one way round, so that parallel edges can be put together.
+    order = sorted(range(len(blanket.keys)), key=blanket.keys.__getitem__)
+    poses = np.array([i for i in order if is_pose(blanket.kinds[i])], dtype=np.int64)
+    points = np.array([i for i, kind in enumerate(blanket.kinds) if not is_pose(kind)], dtype=np.int64)
+    first, second = np.triu_indices(len(poses), 1)
+    pairs = [(poses[first], poses[second]), (np.repeat(poses, len(points)), np.tile(points, len(poses)))]
+    if gaussian.root == WORLD:
+        pairs += [(np.full(len(nodes), WORLD), nodes) for nodes in (poses, points)]
+    found = []
+    for a, b in pairs:
+        if len(a):
+            seen = relations(blanket, a, b)
+            covariance = seen.jacobian @ gaussian.covariance @ seen.jacobian.transpose(0, 2, 1)
+            found.append(_Edges(seen, covariance, np.linalg.slogdet(covariance)[1]))
+    return found
 
 
-def _edge(blanket: Blanket, gaussian: Gaussian, a: int, b: int) -> _Edge:
-    if a != WORLD and is_pose(blanket.kinds[b]) and blanket.keys[b] < blanket.keys[a]:
-        a, b = b, a  # each pair one way round, so that parallel edges can be put together
-    jacobian = see_jacobian(blanket, a, b)
-    covariance = jacobian @ gaussian.covariance @ jacobian.T
-    return _Edge(a, b, jacobian, covariance, float(np.linalg.slogdet(covariance)[1]))
+def _spanning_tree(blanket: Blanket, gaussian: Gaussian, edges: list[_Edges]) -> list[list[int]]:
+    """Rows of each set of edges that make the minimum spanning tree (Kruskal).
+
+    Points are leaves, for nothing is seen from them: the poses are joined first, then each point has its best edge.
+    """
+    part = {i: i for i in [*range(len(blanket.keys)), WORLD]}
+
+    def root_of(node: int) -> int:
+        while part[node] != node:
+            node = part[node]
+        return node
+
+    ranked = sorted(
+        (not is_pose(e.relations.kind), weight, number, row)
+        for number, e in enumerate(edges)
+        for row, weight in enumerate(e.log_determinant.tolist())
+    )
+    chosen: list[list[int]] = [[] for _ in edges]
+    for _, _, number, row in ranked:
+        seen = edges[number].relations
+        a, b = int(seen.a[row]), int(seen.b[row])
+        if root_of(a) != root_of(b):
+            part[root_of(b)] = root_of(a)
+            chosen[number].append(row)
+    return chosen

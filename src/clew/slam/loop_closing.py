@@ -44,6 +44,7 @@ class LoopCloser:
         self._submaps: OrderedDict[int, Submap] = OrderedDict()
         self._descriptors: dict[int, Array] = {}
         self._accepted: list[_Accepted] = []
+        self._past: list[Closure] = []  # believed, and taken into the graph for good: a keyframe of theirs was pruned
         self._waiting: list[Closure] = []
         self._rejected: list[Closure] = []
         self._last_attempt = -np.inf
@@ -51,29 +52,49 @@ class LoopCloser:
 
     @property
     def accepted(self) -> list[Closure]:
-        """Closures that the graph holds."""
-        return [a.closure for a in self._accepted]
+        """Closures that are believed."""
+        return self._past + [a.closure for a in self._accepted]
 
     @property
     def rejected(self) -> list[Closure]:
         """Candidates that were turned down, with the reason; those that still wait are among them."""
         return self._rejected + self._waiting
 
-    def attempt(self) -> bool:
+    @property
+    def needed(self) -> set[int]:
+        """Keyframes of closures that still wait."""
+        return {k for w in self._waiting for k in (w.source, w.target)}
+
+    def forget(self, keyframes: list[int]) -> None:
+        """Keyframes have been pruned: what their closures said is in the graph for good."""
+        gone = set(keyframes)
+        for keyframe in keyframes:
+            self._submaps.pop(keyframe, None)
+            self._descriptors.pop(keyframe, None)
+        ended = [a for a in self._accepted if a.closure.source in gone or a.closure.target in gone]
+        if ended:
+            self._past += [a.closure for a in ended]
+            over = {id(a) for a in ended}
+            self._accepted = [a for a in self._accepted if id(a) not in over]
+
+    def attempt(self, known: bool = False) -> bool:
         """Look for closures of the newest keyframe; whether keyframes have moved.
 
         Closures that change next to nothing are optimised a few at a time (`settle`).
+
+        Args:
+            known: the place has been seen often: one more closure says little, so that attempts are rarer.
         """
         options = self._config.closing
         source = len(self._keyframes) - 1
         path = self._keyframes[source].path
-        if path - self._last_attempt < options.every:
+        if path - self._last_attempt < (options.every_known if known else options.every):
             return False
         anchors = self._older_anchors(source)
         if not len(anchors):
             return False
         self._last_attempt = path
-        members = np.arange(max(0, source + 1 - options.query_keyframes), source + 1)
+        members = self._keyframes.between(source + 1 - options.query_keyframes, source + 1)
         query = self._keyframes.surfels(source, members, QUERY_VOXEL)
         appearance = describe(query.points)
         anchors, covariances = self._candidates(source, anchors, appearance)
@@ -102,7 +123,9 @@ class LoopCloser:
         options = self._config.closing
         paths = self._keyframes.paths
         last = min(source - options.submap_keyframes, int(np.searchsorted(paths, paths[source] - options.path)))
-        return np.arange(0, max(last, 0), options.anchor_every, dtype=np.int64)
+        alive = self._keyframes.between(0, max(last, 0))
+        anchors: NDArray[np.int64] = alive[alive % options.anchor_every == 0]
+        return anchors
 
     def _candidates(
         self, source: int, anchors: NDArray[np.int64], appearance: Array
@@ -151,7 +174,7 @@ class LoopCloser:
 
     def _members(self, anchor: int) -> NDArray[np.int64]:
         half = self._config.closing.submap_keyframes
-        return np.arange(max(0, anchor - half), min(len(self._keyframes), anchor + half + 1))
+        return self._keyframes.between(anchor - half, anchor + half + 1)
 
     def _submap(self, anchor: int) -> Submap:
         if anchor in self._submaps:
@@ -230,21 +253,19 @@ class LoopCloser:
         return bool(self._accepted) and closure.innovation[0] < distance and closure.innovation[1] < angle
 
     def _agree(self, a: Closure, b: Closure) -> bool:
-        keyframes = self._keyframes
-        path = abs(keyframes[a.source].path - keyframes[b.source].path) + abs(
-            keyframes[a.target].path - keyframes[b.target].path
-        )
-        T_source = se2.between(keyframes[a.source].T_local_robot, keyframes[b.source].T_local_robot)
+        paths = self._keyframes.paths
+        path = abs(paths[a.source] - paths[b.source]) + abs(paths[a.target] - paths[b.target])
+        T_source = self._keyframes.relative(a.source, np.array([b.source]))[0]
         poses = self._graph.poses
         T_target = se2.between(poses[a.target], poses[b.target])
         return agree(a, b, T_source, T_target, path, self._config.consistency)
 
     def _expire(self) -> None:
         """Turn down what has waited in vain."""
-        path = self._keyframes[len(self._keyframes) - 1].path - self._config.closing.support_path
-        old = [w for w in self._waiting if self._keyframes[w.source].path < path]
-        self._rejected += [replace(w, verdict=Verdict.ALONE) for w in old]
-        self._waiting = [w for w in self._waiting if self._keyframes[w.source].path >= path]
+        paths = self._keyframes.paths
+        path = paths[-1] - self._config.closing.support_path
+        self._rejected += [replace(w, verdict=Verdict.ALONE) for w in self._waiting if paths[w.source] < path]
+        self._waiting = [w for w in self._waiting if paths[w.source] >= path]
 
     def _accept(self, closure: Closure) -> None:
         information = self._config.closing.information_scale * closure.information + LEAST_INFORMATION
