@@ -10,9 +10,9 @@ from clew.geometry import SE2, se2
 from clew.graph import FactorGraph, Role
 from clew.graph.growing import Growing
 from clew.noise import Huber
-from clew.place import Closure, surfels_of
+from clew.place import Closure
 from clew.reduce import fuse_parallel, marginalise
-from clew.scan import ScanPoints
+from clew.slam.attachments import Attachments
 from clew.slam.keyframes import Keyframe
 from clew.solve import Solution, optimize
 
@@ -38,7 +38,7 @@ def chi2(graph: FactorGraph) -> float:
 class PoseGraph:
     """Keyframes tied by odometry and closures; keys are the numbers of the keyframes.
 
-    The first keyframe holds still: the map hangs on it. A keyframe that was pruned has its pose by one that is left.
+    The first keyframe holds still: the map hangs on it. A keyframe that was pruned is seen from some that are left.
     """
 
     def __init__(self, kernel_scale: float) -> None:
@@ -48,8 +48,7 @@ class PoseGraph:
         self._solved = 0  # keyframes that the last solution knows
         self._edges: dict[int, tuple[Array, Array]] = {}  # those after: step and (3, 3) from the one before
         self._poses: Growing[np.float64] = Growing((3,), np.float64)
-        self._hangs_on: Growing[np.int64] = Growing((), np.int64)  # -1, or the keyframe that a pruned one hangs on
-        self._T_on_this: Growing[np.float64] = Growing((3,), np.float64)
+        self._attachments = Attachments()
 
     def __len__(self) -> int:
         return len(self._poses)
@@ -60,25 +59,10 @@ class PoseGraph:
         return self._poses.rows
 
     def follow(self) -> Array:
-        """``(K, 3)`` of all keyframes, the pruned ones moved to where those are that they hang on."""
-        on, T = self._hangs_on.rows.copy(), self._T_on_this.rows.copy()
-        pruned = np.flatnonzero(on >= 0)
-        while len(pruned):  # chains are followed by doubling
-            behind = on[on[pruned]] >= 0
-            if not behind.any():
-                break
-            rows = pruned[behind]
-            T[rows] = se2.compose(T[on[rows]], T[rows])
-            on[rows] = on[on[rows]]
-        self._hangs_on.rows[:], self._T_on_this.rows[:] = on, T
+        """``(K, 3)`` of all keyframes, the pruned ones moved to where those see them that they hang on."""
         self._poses.detach()
-        poses = self._poses.rows
-        poses[pruned] = se2.compose(poses[on[pruned]], T[pruned])
-        return poses
-
-    def surfels(self, clouds: list[ScanPoints], anchor: int, members: Index, voxel: float) -> ScanPoints:
-        """Surfels of the clouds of keyframes in the frame of one, at the graph's poses."""
-        return surfels_of(clouds, se2.between(self.poses[anchor], self.poses[members]), voxel)
+        self._attachments.place(self._poses.rows)
+        return self.poses
 
     def add_keyframe(self, keyframe: Keyframe) -> None:
         """Append a keyframe, tied to the one before."""
@@ -94,8 +78,6 @@ class PoseGraph:
             covariance = np.asarray(np.linalg.inv(keyframe.information), dtype=np.float64)
             self._edges[k] = keyframe.T_previous_this, covariance
         self._poses.append(pose.array[None])
-        self._hangs_on.extend(1)[:] = -1
-        self._T_on_this.extend(1)[:] = 0.0
 
     def add_closure(self, closure: Closure, information: Array) -> int:
         """Tie two keyframes by a closure; returns what `remove` takes."""
@@ -109,13 +91,12 @@ class PoseGraph:
         """Take a closure out again."""
         self.graph.remove(factor)
 
-    def prune(self, key: int, on: int, T_on_this: Array, most_loss: float) -> float | None:
-        """Take a keyframe out, keep what its edges said of the others, and hang it on another.
+    def prune(self, key: int, on: Index, T_on_this: Array, information: Array, most_loss: float) -> float | None:
+        """Take a keyframe out, keep what its edges said of the others, and hang it on some of these.
 
         Args:
             key: which.
-            on: keyframe that it hangs on from now on.
-            T_on_this: ``(3,)`` its pose seen from there.
+            on, T_on_this, information: what it hangs on from now on, see `Attachments.add`.
             most_loss: information that may be lost at most, nats.
 
         Returns:
@@ -124,8 +105,7 @@ class PoseGraph:
         found = marginalise(self.graph, key, most_loss=most_loss, update=True)
         if len(found.kept):
             return None
-        self._hangs_on.rows[key] = on
-        self._T_on_this.rows[key] = T_on_this
+        self._attachments.add(key, on, T_on_this, information)
         return found.information_loss
 
     def tidy(self) -> None:

@@ -15,7 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from clew.geometry import se2, wrap
-from clew.scan import SourceClouds, align, index_cloud
+from clew.scan import SourceClouds, align, index_cloud, join
+from clew.slam.attachments import PARTNERS
 from clew.slam.config import SlamConfig
 from clew.slam.keyframes import KeyframeStore
 from clew.slam.pose_graph import PoseGraph
@@ -23,8 +24,6 @@ from clew.slam.pose_graph import PoseGraph
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 
-PARTNERS = 3  # nearest keyframes whose returns a redundant one is aligned with
-VOXEL = 0.05  # metres
 RADII = (0.2, 0.1)  # metres; partners of returns
 WEAK_PRIOR = np.diag([1 / 0.05**2, 1 / 0.05**2, 1 / 0.02**2])  # as in `clew.slam.refine`
 
@@ -114,27 +113,28 @@ class Pruner:
         chosen = group[covered & (older >= options.cover // 2)]
         return [int(k) for k in chosen if k and int(k) not in needed]
 
-    def _attach(self, keyframe: int, ripe: int) -> tuple[int, Array] | None:
-        """A neighbour that stays and the pose seen from it, by the returns of both; None where these do not agree."""
+    def _attach(self, keyframe: int, ripe: int) -> tuple[Index, Array, Array] | None:
+        """The oldest neighbours, which stay, with its pose seen from each and the information of that.
+
+        By the returns of both; None where these do not agree with any. What they do not tell, as along a corridor, the
+        present poses tell.
+        """
         options = self._config.pruning
         everyone = self._keyframes.between(0, ripe)
-        everyone = everyone[everyone != keyframe]
-        poses = self._graph.poses
         near = everyone[self._neighbours(np.array([keyframe]), everyone)[0]]
-        if not len(near):
+        partners = near[near != keyframe][:PARTNERS]
+        if not len(partners):
             return None
-        distance = np.hypot(*(poses[near, :2] - poses[keyframe, :2]).T)
-        partners = near[np.argsort(distance, kind="stable")[:PARTNERS]]
-        anchor = int(partners.min())
-        target = index_cloud(self._graph.surfels(self._keyframes.clouds(partners), anchor, partners, VOXEL))
-        start = se2.between(poses[anchor], poses[keyframe])
+        clouds = join([index_cloud(cloud) for cloud in self._keyframes.clouds(partners)])
+        start = se2.between(self._graph.poses[partners], self._graph.poses[keyframe])
+        pairs = np.stack([np.arange(len(partners)), np.zeros(len(partners))], axis=1).astype(np.int32)
         fine = align(
-            target, SourceClouds.single(self._keyframes[keyframe].points), np.zeros((1, 2), dtype=np.int32),
-            start[None], prior_information=WEAK_PRIOR[None],
+            clouds, SourceClouds.single(self._keyframes[keyframe].points), pairs, start,
+            prior_information=np.broadcast_to(WEAK_PRIOR, (len(partners), 3, 3)),
             options=replace(self._config.alignment, radius_start=RADII[0], radius_end=RADII[1]),
         )  # fmt: skip
-        T = fine.T_target_source[0]
-        moved = se2.between(start, T)
-        if fine.overlap[0] < options.overlap or np.hypot(moved[0], moved[1]) > options.movement:
+        moved = se2.between(start, fine.T_target_source)
+        good = (fine.overlap >= options.overlap) & (np.hypot(moved[:, 0], moved[:, 1]) <= options.movement)
+        if not good.any():
             return None
-        return anchor, T
+        return partners[good], fine.T_target_source[good], fine.information[good] + WEAK_PRIOR
