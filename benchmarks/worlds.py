@@ -103,7 +103,7 @@ def run(kind: str, quality: str, seed: int) -> Outcome:
     rows = np.searchsorted(log.timestamps, stamps)
     truth = log.T_world_robot[rows]
     path = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(log.T_world_robot[:, :2], axis=0).T))])[rows]
-    right, partial, wrong = judge(slam.closures, slam, truth)
+    right, partial, wrong = judge(slam.closures, truth)
     again, before = revisits(log, rows, truth, path)
     stretches = list(stretches_of(path, again))
     begins = path[[c.source for c, good in zip(slam.closures, right, strict=True) if good]]
@@ -121,14 +121,14 @@ def run(kind: str, quality: str, seed: int) -> Outcome:
                    tuple(f"{a:.0f}-{b:.0f} m" for a, b in open_), seconds)
 
 
-def judge(closures: list[Closure], slam: Slam, truth: Array) -> tuple[NDArray[np.bool_], NDArray[np.bool_], list[str]]:
+def judge(closures: list[Closure], truth: Array) -> tuple[NDArray[np.bool_], NDArray[np.bool_], list[str]]:
     """Which closures are right, which of these only where they claim to know, and words on the others."""
     if not closures:
         return np.zeros(0, np.bool_), np.zeros(0, np.bool_), []
     source, target = (np.array([getattr(c, end) for c in closures]) for end in ("source", "target"))
     measured = np.stack([c.T_target_source for c in closures])
     error = se2.between(se2.between(truth[target], truth[source]), measured)
-    information = slam.config.closing.information_scale * np.stack([c.information for c in closures])
+    information = np.stack([c.information for c in closures])
     squared = np.einsum("mi,mij,mj->m", error, information, error)
     near = (np.hypot(error[:, 0], error[:, 1]) <= RIGHT_DISTANCE) & (np.abs(error[:, 2]) <= RIGHT_ANGLE)
     right = near | (squared <= ELLIPSOID)
