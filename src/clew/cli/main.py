@@ -12,6 +12,7 @@ import typer
 from clew._version import __version__
 from clew.cli.demo import demo
 from clew.cli.evaluate import evaluate
+from clew.cli.info import info
 from clew.cli.merge import merge
 from clew.cli.optimize import optimize
 from clew.cli.run import run
@@ -34,6 +35,7 @@ app.command()(demo)
 app.command()(optimize)
 app.command()(evaluate)
 app.command()(merge)
+app.command()(info)
 
 
 def _version(wanted: bool) -> None:

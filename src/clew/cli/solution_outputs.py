@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from clew.errors import InputError
-from clew.geometry import SE2, SE3, so2
 from clew.io import GraphFile, atomic_write, write_graph, write_kitti, write_tum
 from clew.solve import Solution
 
@@ -72,32 +71,12 @@ def write_marginals(path: Path, solution: Solution) -> None:
 
 
 def draw(path: Path, solution: Solution, *, ellipses: bool) -> None:
-    """Picture of the solution: poses, landmarks, edges by role and, in the plane, ellipses if wanted.
+    """Picture of the solution: poses, landmarks, edges by role and, if wanted, ellipses.
 
     Raises:
         InputError: the file cannot be written, or ellipses are wanted and some variables are free to move.
     """
-    from clew.view import plot_graph
+    from clew.view import graph_figure, save_figure, solution_scene
 
-    graph = solution.graph
-    where = {kind: solution.values(kind).array[:, : kind.space] for kind in solution.kinds}
-    edges: dict[str, list[Array]] = {}
-    for block in graph.blocks():
-        if len(block.kinds) > 1:
-            rows = graph.positions(block.keys)
-            ends = [where[kind][rows[:, place]] for place, kind in enumerate(block.kinds[:2])]
-            edges.setdefault(block.role.value, []).append(np.stack(ends, axis=1))
-    poses = [kind for kind in solution.kinds if kind in (SE2, SE3)]
-    points = [where[kind] for kind in solution.kinds if kind not in (SE2, SE3)]
-    covariances = None
-    if ellipses and poses == [SE2]:
-        turn = so2.matrix(solution.values(SE2).array[:, 2:])
-        covariances = turn @ solution.covariances(SE2)[:, :2, :2] @ np.swapaxes(turn, 1, 2)
-    plot_graph(
-        path,
-        where[poses[0]] if poses else np.empty((0, 2)),
-        {role: np.concatenate(parts) for role, parts in edges.items()},
-        points[0] if points else None,
-        covariances,
-        f"chi2 {solution.chi2:.6g}",
-    )
+    scene = solution_scene(solution, covariances=ellipses)
+    save_figure(graph_figure(scene, f"chi2 {solution.chi2:.6g}"), path)

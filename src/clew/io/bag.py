@@ -5,8 +5,10 @@ from __future__ import annotations
 import importlib.util
 import math
 import tempfile
+from collections import Counter
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
 from typing import Any
@@ -185,6 +187,28 @@ def _transforms(bag: Any) -> Transforms:
             except Exception:  # see `_opened`
                 break
     return transforms
+
+
+@dataclass(frozen=True)
+class Topic:
+    """Attributes: name, ROS type and number of messages of a topic."""
+
+    name: str
+    type: str
+    messages: int
+
+
+def list_topics(path: Path) -> list[Topic]:
+    """All topics of a bag, by name.
+
+    Raises:
+        InputError, MissingDependencyError: as `read_bag`.
+    """
+    with _opened(path) as bag:
+        counts: Counter[tuple[str, str]] = Counter()
+        for connection in bag.connections:
+            counts[connection.topic, connection.msgtype] += connection.msgcount
+    return [Topic(*name, number) for name, number in sorted(counts.items())]
 
 
 def read_bag(path: Path, scan_topic: str | None = None, odometry_topic: str | None = None,
