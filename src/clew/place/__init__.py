@@ -11,16 +11,20 @@ from clew.place.association import (
 )
 from clew.place.closure import Closure, Verdict
 from clew.place.consistency import ConsistencyOptions, agree
-from clew.place.descriptor import describe, similarity
+from clew.place.descriptor import Descriptor, DescriptorIndex, PairDistances, RingSpectra
 from clew.place.submap import Submap, build_submap, surfels_of
-from clew.place.verify import VerificationOptions, verify
+from clew.place.verify import VerificationOptions, look_back, verify
 
 __all__ = [
     "NEW",
     "UNCLEAR",
     "Closure",
     "ConsistencyOptions",
+    "Descriptor",
+    "DescriptorIndex",
     "Gates",
+    "PairDistances",
+    "RingSpectra",
     "Submap",
     "Verdict",
     "VerificationOptions",
@@ -28,10 +32,9 @@ __all__ = [
     "build_submap",
     "chi_square_limit",
     "compatibility",
-    "describe",
     "joint_compatibility",
+    "look_back",
     "nearest_neighbour",
-    "similarity",
     "surfels_of",
     "verify",
 ]

@@ -69,18 +69,22 @@ class ClosingOptions:
         submap_keyframes: keyframes on each side of the anchor in its submap.
         query_keyframes: recent keyframes that make the query.
         reach: a submap is a candidate when it may lie this close, metres.
-        candidates: submaps that are matched at most in one attempt.
+        candidates: submaps that are matched at most in one attempt,
+        lost_candidates: and while the robot may be further than `reach` from where it is believed.
         similarity: least cosine of the descriptors.
         caution: factor on the covariance of the prediction: drift is not quite the sum of independent errors.
         sigmas: half of the search window in deviations of the prediction,
-        window_floor: its least half size, metres and radians,
-        window_ceiling: and its largest.
+        window_floor: its least half size, metres and radians.
         gate: largest squared Mahalanobis distance between measured and predicted pose.
-        tracked: a closure that moves the robot by less than this, metres and radians, needs no other to agree;
+        tracked: a closure that moves a robot whose place is certain by less than this, metres and radians, needs no
+            other to agree;
         supporters: any other needs so many that do,
+        support_apart: which share no scan with it nor with each other, at least this many metres of path apart,
         support_path: from sources within this many metres of path.
         settled: a closure that moves the robot by less than this, metres and radians, changes nothing at once;
         batch: so many of them are optimised together.
+        open_sources: keyframes that could not be closed yet and are kept in mind at most: once the robot knows where it
+            is they are tried again.
         cached_submaps: submaps kept in memory.
         information_scale: as in `TrackingOptions`.
         kernel_scale: scale of the robust kernel on closures (Huber: convex, so that a right closure pulls from any
@@ -96,17 +100,19 @@ class ClosingOptions:
     query_keyframes: int = 8
     reach: float = 5.0
     candidates: int = 3
+    lost_candidates: int = 8
     similarity: float = 0.5
     caution: float = 3.0
     sigmas: float = 3.0
     window_floor: tuple[float, float] = (0.3, 0.06)
-    window_ceiling: tuple[float, float] = (12.0, 1.0)
     gate: float = 16.3
     tracked: tuple[float, float] = (0.3, 0.06)
     supporters: int = 2
-    support_path: float = 6.0
+    support_apart: float = 3.0
+    support_path: float = 20.0
     settled: tuple[float, float] = (0.05, 0.01)
     batch: int = 5
+    open_sources: int = 300
     cached_submaps: int = 64
     information_scale: float = 0.08
     kernel_scale: float = 3.0
