@@ -64,7 +64,7 @@ def row(slam: Slam, hour: float, milliseconds: float, times: np.ndarray, truth: 
     error = absolute_trajectory_error(times, truth, trajectory.timestamps, trajectory.T_world_robot)
     pruned = slam.pruned
     return [f"{hour:g}", f"{slam.scan_count}", f"{milliseconds:.2f}", f"{len(slam.keyframes) + pruned.keyframes}",
-            f"{len(slam.keyframes)}", f"{slam.graph.factor_count}", f"{len(slam.closures)}", f"{memory:.0f}",
+            f"{len(slam.keyframes)}", f"{slam.graph.factor_count}", f"{slam.closure_count}", f"{memory:.0f}",
             f"{peak_memory_mb() or float('nan'):.0f}", f"{error.translation.rmse:.4f}", f"{error.translation.max:.3f}",
             f"{pruned.information_loss_nats:.0f}"]
 

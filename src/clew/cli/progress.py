@@ -32,7 +32,7 @@ class JobProgress:
         self._shown = now
         stamps = slam.time_span
         factor = (stamps[1] - stamps[0]) / max(now - self._begun, 1e-6)
-        note = f"{len(slam.closures)} closures, {factor:.0f} x real time"
+        note = f"{slam.closure_count} closures, {factor:.0f} x real time"
         self._progress.update(self._task, completed=slam.scan_count, note=note)
 
     def refining(self, done: int, most: int) -> None:

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from clew.geometry import se2
 from clew.place import Closure, Verdict, agree, look_back, verify
+from clew.slam.closure_log import ClosureLog
 from clew.slam.config import SlamConfig
 from clew.slam.keyframes import KeyframeStore
 from clew.slam.loop_candidates import Candidate, find_candidates
@@ -44,9 +45,9 @@ class LoopCloser:
         self._config = config
         self._places = Places(keyframes, config)
         self._accepted: list[_Accepted] = []
-        self._past: list[Closure] = []  # believed, and taken into the graph for good: a keyframe of theirs was pruned
+        self._past = ClosureLog()  # believed, and taken into the graph for good: a keyframe of theirs was pruned
         self._waiting: list[Closure] = []
-        self._rejected: list[Closure] = []
+        self._rejected = ClosureLog()
         self._open: deque[int] = deque(maxlen=config.closing.open_sources)
         self._last_attempt = -np.inf
         self._pending = 0  # closures since the last optimisation
@@ -54,12 +55,17 @@ class LoopCloser:
     @property
     def accepted(self) -> list[Closure]:
         """Closures that are believed."""
-        return self._past + [a.closure for a in self._accepted]
+        return [*self._past, *(a.closure for a in self._accepted)]
+
+    @property
+    def accepted_count(self) -> int:
+        """How many closures are believed."""
+        return len(self._past) + len(self._accepted)
 
     @property
     def rejected(self) -> list[Closure]:
         """Candidates that were turned down, with the reason; those that still wait are among them."""
-        return self._rejected + self._waiting
+        return [*self._rejected, *self._waiting]
 
     @property
     def needed(self) -> set[int]:
@@ -72,7 +78,7 @@ class LoopCloser:
         self._places.forget(keyframes)
         ended = [a for a in self._accepted if a.closure.source in gone or a.closure.target in gone]
         if ended:
-            self._past += [a.closure for a in ended]
+            self._past.add(a.closure for a in ended)
             over = {id(a) for a in ended}
             self._accepted = [a for a in self._accepted if id(a) not in over]
 
@@ -164,7 +170,7 @@ class LoopCloser:
             accepted = len(self._accepted)
             if any(p.is_certain or p.is_partial for p in proposals):
                 self._waiting = [w for w in self._waiting if w.source != source]
-                self._rejected = [r for r in self._rejected if r.source != source]
+                self._rejected.forget(source)
                 self._decide(proposals)
                 self.settle()
             if len(self._accepted) > accepted:
@@ -186,12 +192,12 @@ class LoopCloser:
     def _decide(self, proposals: list[Closure]) -> bool:
         """Confirm what has support, keep waiting what may still get it; whether keyframes have moved."""
         candidates = [p for p in proposals if p.verdict is Verdict.WAITING]
-        self._rejected += [p for p in proposals if p.verdict is not Verdict.WAITING]
+        self._rejected.add(p for p in proposals if p.verdict is not Verdict.WAITING)
         if not candidates:
             return False
         best = max(candidates, key=lambda c: (not c.is_partial, c.likelihood * c.overlap))
         if any(not self._agree(best, rival) for rival in self._rivals(best, proposals)):
-            self._rejected += [replace(c, verdict=Verdict.AMBIGUOUS) for c in candidates]
+            self._rejected.add(replace(c, verdict=Verdict.AMBIGUOUS) for c in candidates)
             return False
         supporters = [] if self._is_tracked(best) else self._supporters(best)
         if supporters is None:
@@ -199,7 +205,7 @@ class LoopCloser:
             return False
         for closure in [best, *supporters]:
             self._accept(replace(closure, supporters=len(supporters)))
-        self._rejected += [replace(c, verdict=Verdict.REDUNDANT) for c in candidates if c is not best]
+        self._rejected.add(replace(c, verdict=Verdict.REDUNDANT) for c in candidates if c is not best)
         taken = {id(closure) for closure in supporters}
         self._waiting = [w for w in self._waiting if id(w) not in taken]
         self._pending += 1
@@ -252,7 +258,7 @@ class LoopCloser:
         """Turn down what has waited in vain."""
         paths = self._keyframes.paths
         path = paths[-1] - self._config.closing.support_path
-        self._rejected += [replace(w, verdict=Verdict.ALONE) for w in self._waiting if paths[w.source] < path]
+        self._rejected.add(replace(w, verdict=Verdict.ALONE) for w in self._waiting if paths[w.source] < path)
         self._waiting = [w for w in self._waiting if paths[w.source] >= path]
 
     def _accept(self, closure: Closure) -> None:
@@ -275,6 +281,6 @@ class LoopCloser:
             return
         for accepted in (self._accepted[i] for i in np.flatnonzero(contradicted)):
             self._graph.remove(accepted.factor)
-            self._rejected.append(replace(accepted.closure, verdict=Verdict.WITHDRAWN))
+            self._rejected.add([replace(accepted.closure, verdict=Verdict.WITHDRAWN)])
         self._accepted = [self._accepted[i] for i in np.flatnonzero(~contradicted)]
         self._graph.optimise()

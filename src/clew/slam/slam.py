@@ -214,6 +214,11 @@ class Slam:
         return self._closer.accepted
 
     @property
+    def closure_count(self) -> int:
+        """How many loop closures are believed; quicker than asking for them."""
+        return self._closer.accepted_count
+
+    @property
     def rejected_closures(self) -> list[Closure]:
         """Candidates that were turned down, each with the reason."""
         return self._closer.rejected
