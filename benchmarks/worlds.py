@@ -21,6 +21,7 @@ What is counted, all against the truth of the simulation:
 from __future__ import annotations
 
 import argparse
+import itertools
 import sys
 import time
 from collections.abc import Iterator
@@ -157,7 +158,7 @@ def revisits(log: SimulatedLog, rows: NDArray[np.int64], truth: Array, path: Arr
     for k in range(len(rows)):
         older = int(np.searchsorted(path, path[k] - AGO, side="right"))
         distance = np.hypot(*(truth[:older, :2] - truth[k, :2]).T)
-        if not len(distance) or distance.min() > NEAR:
+        if not len(distance) or distance.min() > NEAR or not len(cloud(k)):
             continue
         nearest = int(np.argmin(distance))
         gap, _ = tree(nearest).query(se2.act(truth[k], cloud(k)), distance_upper_bound=TOUCH)
@@ -177,7 +178,7 @@ def stretches_of(path: Array, again: NDArray[np.int64]) -> Iterator[tuple[float,
             continue
         count = max(round((end - begin) / STRETCH), 1)
         borders = np.linspace(begin, end, count + 1).tolist()
-        yield from zip(borders[:-1], borders[1:], strict=True)
+        yield from itertools.pairwise(borders)
 
 
 COLUMNS = ["world", "odometry", "runs", "odometry ATE m", "ATE m: median", "worst", "doubled m: worst",

@@ -115,7 +115,8 @@ class LoopCloser:
 
         Along a bare corridor only odometry tells how far apart the keyframes of a submap are, so that surfaces at one
         end of it are uncertain by that against those at the other. Half of the query's and of the submap's way counts;
-        what is equal in all directions does not, since the match itself knows it.
+        what is equal in all directions does not, since the match itself knows it. Odometry is trusted no more than in
+        the prediction (`ClosingOptions.caution`).
         """
         keyframes, options = self._keyframes, self._config.closing
         half = options.submap_keyframes // 2
@@ -128,6 +129,7 @@ class LoopCloser:
                     turn = se2.matrix(se2.inverse(closure.T_target_source))[:2, :2] @ turn
                 total += turn @ step @ turn.T
         out = np.zeros((3, 3))
+        total *= options.caution
         out[:2, :2] = total - np.linalg.eigvalsh(total)[0] * np.eye(2)
         return out
 
@@ -185,7 +187,7 @@ class LoopCloser:
         self._pending += 1
         options = self._config.closing
         settled = best.innovation[0] < options.settled[0] and best.innovation[1] < options.settled[1]
-        if settled and self._pending < options.batch:
+        if settled and not supporters and self._pending < options.batch:
             return False
         self.settle()
         return True
