@@ -27,7 +27,7 @@ class Candidate:
 
     Attributes:
         anchor: keyframe whose submap it is.
-        similarity: cosine of the descriptors.
+        similarity: likeness of the descriptors.
         T_predicted: ``(3,)`` pose of the source seen from the anchor by the graph,
         covariance: ``(3, 3)`` and its covariance, in the source's tangent.
         centre: ``(3,)`` middle of the search window: what is predicted, or the anchor itself if that says little,

@@ -32,10 +32,10 @@ class LoopCloser:
     """Proposes closures of the newest keyframe with older ones and adds to the graph those that are confirmed.
 
     A candidate must look alike, match a submap in one place only, overlap, and not contradict free space
-    (`clew.place.verify`); it must agree with the graph within its uncertainty; and, unless it hardly moves a robot whose
-    place is certain, it waits until others agree with it that share no scan with it. Keyframes that could not be closed,
-    because several places looked alike, are tried again once the robot knows where it is. After optimisation, a closure
-    that no longer fits is withdrawn.
+    (`clew.place.verify`); it must agree with the graph within its uncertainty; and, unless it hardly moves a robot
+    whose place is certain, it waits until others agree with it that share no scan with it. Keyframes that could not be
+    closed, because several places looked alike, are tried again once the robot knows where it is. After optimisation,
+    a closure that no longer fits is withdrawn.
     """
 
     def __init__(self, keyframes: KeyframeStore, graph: PoseGraph, config: SlamConfig) -> None:
