@@ -3,13 +3,13 @@
     python benchmarks/places.py                # the logs of ../shared/data/lidar, by their reference trajectories
     python benchmarks/places.py intel
 
-Descriptors: of all pairs of a keyframe's surroundings and older places 15 m of way ago or more, a pair within 2 m is the
-same place, one beyond 6 m another; those between do not count. Told are, for the most alike place of each keyframe that
-has one to find, how often it is the right one, how many are right above the likeness from which on none is wrong (recall
-at 100 % precision), and the time to describe one.
+Descriptors: of all pairs of a keyframe's surroundings and older places 15 m of way ago or more, a pair within 2 m is
+the same place, one beyond 6 m another; those between do not count. Told are, for the most alike place of each keyframe
+that has one to find, how often it is the right one, how many are right above the likeness from which on none is wrong
+(recall at 100 % precision), and the time to describe one.
 
-Closures: those of the default configuration, right and complete as in `benchmarks/revisits.py`, the references being good
-to some two centimetres. Keyframes without a reference pose are left out.
+Closures: those of the default configuration, right and complete as in `benchmarks/revisits.py`, the references being
+good to some two centimetres. Keyframes without a reference pose are left out.
 """
 
 from __future__ import annotations
