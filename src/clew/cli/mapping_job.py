@@ -121,6 +121,7 @@ def map_log(log: Source, options: JobOptions, console: Console, begun: float | N
         "refined": options.refine and not stopped,
         "complete": not stopped,
         "map_size_m": [round(side * grid.resolution, 2) for side in grid.shape[::-1]],
+        "sensor": slam.sensor,
         "skipped": dict(sorted((log.report.skipped + left_out).items())),
     }
     return JobResult(slam, {**summary, "peak_memory_mb": _rounded(peak_memory_mb())}, stopped)

@@ -28,9 +28,8 @@ class TrackingOptions:
         carry_on: by the last velocity, for so many seconds at most.
         prior_weight: weight of the prediction against the mean likelihood in the search.
         voxel: side of a surfel of the local map, metres.
-        return_weight: what a return counts against the prediction in the match,
-        information_scale: and in the covariance of the result, which is for the graph. Returns of one scan share
-            errors (calibration, the surface's own roughness), so that they count less than independent ones.
+        information_scale: share of the returns that tell something new: neighbours share their part of the map and its
+            errors. Chosen so that normalised errors in simulated worlds are right (`benchmarks/sensors.py`).
         overlap: a match that explains less of the scan is not believed; odometry carries on.
         velocity_sigmas: deviation of a prediction by constant velocity, where there is no odometry,
             metres and radians a second.
@@ -51,8 +50,7 @@ class TrackingOptions:
     carry_on: float = 1.0
     prior_weight: float = 0.04
     voxel: float = 0.05
-    return_weight: float = 0.3
-    information_scale: float = 0.15
+    information_scale: float = 0.45
     overlap: float = 0.3
     velocity_sigmas: tuple[float, float] = (0.6, 0.8)
 
