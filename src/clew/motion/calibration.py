@@ -58,11 +58,11 @@ class OdometryQuality:
 
     def correct(self, increment: Array) -> Array:
         """Increments ``(..., 3)`` of the odometry without its systematic error."""
-        return np.asarray(se2.compose(increment, increment[..., [0, 2]] @ self.bias.T))
+        return np.asarray(se2.compose(increment, increment[..., [0, 2]] @ self.bias.T), dtype=np.float64)
 
     def variance(self, increment: Array) -> Array:
         """Variances ``(..., 3)`` of increments ``(..., 3)``, in the tangent at their end."""
-        return extent(increment) @ self.variances.T + self.floor
+        return np.asarray(extent(increment) @ self.variances.T + self.floor, dtype=np.float64)
 
     def covariance(self, increment: Array) -> Array:
         """Covariance ``(..., 3, 3)`` of increments ``(..., 3)``, in the tangent at their end."""

@@ -1,6 +1,6 @@
 """Laser scans: cleaning, features, matching, match covariance; tags in camera images."""
 
-from clew.scan.align import Alignment, AlignmentOptions, align
+from clew.scan.align import Alignment, AlignmentOptions, align, without_normal_noise
 from clew.scan.correlate import CorrelativeMatch, LikelihoodPyramid, build_pyramid, correlate
 from clew.scan.deskew import deskew, resample
 from clew.scan.feature_circles import CircleOptions, Circles, find_circles
@@ -52,4 +52,5 @@ __all__ = [
     "merge_surfels",
     "resample",
     "robust_deviation",
+    "without_normal_noise",
 ]

@@ -10,15 +10,18 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from clew.geometry import se2
-from clew.place import Closure, Submap, Verdict, agree, build_submap, describe, similarity, verify
+from clew.place import Closure, Submap, Verdict, VerificationOptions, agree, build_submap, describe, similarity, verify
+from clew.scan import without_normal_noise
 from clew.slam.config import SlamConfig
 from clew.slam.keyframes import KeyframeStore
 from clew.slam.pose_graph import LEAST_INFORMATION, PoseGraph
+from clew.slam.sensor import SensorModel
 
 Array = NDArray[np.float64]
 
 QUERY_VOXEL = 0.05  # metres
 FLOOR = np.diag([0.05, 0.05, 0.02]) ** 2  # covariance that any prediction has at least
+NOISY = 2.0  # the residual of a match may be so many deviations of a return
 SHORTLIST = 12  # nearest candidates whose uncertainty and appearance are looked at
 
 
@@ -37,10 +40,11 @@ class LoopCloser:
     is withdrawn.
     """
 
-    def __init__(self, keyframes: KeyframeStore, graph: PoseGraph, config: SlamConfig) -> None:
+    def __init__(self, keyframes: KeyframeStore, graph: PoseGraph, config: SlamConfig, sensor: SensorModel) -> None:
         self._keyframes = keyframes
         self._graph = graph
         self._config = config
+        self._sensor = sensor
         self._submaps: OrderedDict[int, Submap] = OrderedDict()
         self._descriptors: dict[int, Array] = {}
         self._accepted: list[_Accepted] = []
@@ -83,14 +87,15 @@ class LoopCloser:
         order = np.argsort(-alike, kind="stable")
         order = order[alike[order] >= options.similarity][: options.candidates]
         poses = self._graph.poses
+        worth = self._sensor.return_information(options.information_scale)
         proposals = []
         for i in order:
             window = self._window(covariances[i])
             T_predicted = se2.between(poses[anchors[i]], poses[source])
             closure = verify(
                 self._submap(int(anchors[i])), query, source, T_predicted, window,
-                np.linalg.inv(covariances[i] + FLOOR) / options.information_scale, float(alike[i]),
-                self._config.verification, self._config.alignment,
+                np.linalg.inv(covariances[i] + FLOOR) / worth, float(alike[i]),
+                self._verification(), self._sensor.alignment,
             )  # fmt: skip
             proposals.append(self._gate(closure, T_predicted, covariances[i]))
         return self._decide(proposals)
@@ -247,9 +252,19 @@ class LoopCloser:
         self._waiting = [w for w in self._waiting if self._keyframes[w.source].path >= path]
 
     def _accept(self, closure: Closure) -> None:
-        information = self._config.closing.information_scale * closure.information + LEAST_INFORMATION
+        information = self._information(closure.information)
         closure = replace(closure, verdict=Verdict.CONFIRMED)
         self._accepted.append(_Accepted(closure, self._graph.add_closure(closure, information)))
+
+    def _information(self, of_returns: Array) -> Array:
+        """What closures ``(..., 3, 3)`` tell the graph."""
+        worth = self._sensor.return_information(self._config.closing.information_scale)
+        return worth * without_normal_noise(of_returns, self._sensor.normal_variance) + LEAST_INFORMATION
+
+    def _verification(self) -> VerificationOptions:
+        """The limits, the one on residuals no tighter than the noise of returns allows."""
+        options = self._config.verification
+        return replace(options, rms=max(options.rms, NOISY * self._sensor.return_deviation))
 
     def _withdraw(self) -> None:
         """Take out closures that the optimised graph contradicts."""
@@ -258,8 +273,7 @@ class LoopCloser:
         poses = self._graph.poses
         closures = [a.closure for a in self._accepted]
         measured = np.stack([c.T_target_source for c in closures])
-        scale = self._config.closing.information_scale
-        information = scale * np.stack([c.information for c in closures]) + LEAST_INFORMATION
+        information = self._information(np.stack([c.information for c in closures]))
         between = se2.between(poses[[c.target for c in closures]], poses[[c.source for c in closures]])
         error = se2.between(measured, between)
         residual = np.einsum("mi,mij,mj->m", error, information, error)

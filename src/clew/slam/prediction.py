@@ -28,11 +28,14 @@ class Prediction:
         increment: ``(3,)`` expected,
         covariance: ``(3, 3)`` and how well.
         by_odometry: whether odometry tells it, or the last velocity.
+        alternatives: ``(A, 3)`` what may have happened instead: the robot stood while its wheels turned; or odometry that
+            came late shows no motion first and then all of it at once.
     """
 
     increment: Array
     covariance: Array
     by_odometry: bool
+    alternatives: Array
 
 
 class MotionPredictor:
@@ -79,11 +82,13 @@ class MotionPredictor:
                 increment = None
         self._candidates = (increment, ahead)
         if increment is not None and self.trusts_odometry:
-            return Prediction(increment, quality.covariance(increment), True)
+            return Prediction(increment, quality.covariance(increment), True, np.zeros((1, 3)))
+        alternatives = np.zeros((1, 3))
         if increment is not None:
+            alternatives = np.stack([np.zeros(3), increment])
             self._sensor.unused_odometry += 1
         translation, rotation = (sigma * seconds for sigma in options.velocity_sigmas)
-        return Prediction(ahead, np.diag([translation**2, translation**2, rotation**2]), False)
+        return Prediction(ahead, np.diag([translation**2, translation**2, rotation**2]), False, alternatives)
 
     def matched(self, timestamp: float, T_odom_robot: Array | None, moved: Array) -> None:
         """Take notice of how the robot moved ``(3,)`` since the last matched scan."""

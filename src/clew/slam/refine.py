@@ -18,10 +18,11 @@ from clew.factors import Between
 from clew.geometry import SE2, se2
 from clew.graph import FactorGraph, Role
 from clew.noise import Cauchy
-from clew.scan import IndexedClouds, align, index_cloud, join
+from clew.scan import IndexedClouds, align, index_cloud, join, without_normal_noise
 from clew.slam.config import SlamConfig
 from clew.slam.keyframes import KeyframeStore
 from clew.slam.pose_graph import LEAST_INFORMATION
+from clew.slam.sensor import SensorModel
 from clew.solve import optimize
 
 Array = NDArray[np.float64]
@@ -60,6 +61,7 @@ def refine(
     keyframes: KeyframeStore,
     graph: FactorGraph,
     config: SlamConfig,
+    sensor: SensorModel,
     progress: Callable[[int, int], None] | None = None,
 ) -> FactorGraph:
     """The graph with scan-to-scan edges added, at its optimum.
@@ -70,6 +72,7 @@ def refine(
         keyframes: all keyframes.
         graph: odometry and closures; keys are the indices of the keyframes, values are where to begin. Left as it is.
         config: `SlamConfig.refinement` and `threads` are used.
+        sensor: how returns are weighted.
         progress: called with the rounds done and the most there can be.
     """
     options = config.refinement
@@ -79,7 +82,7 @@ def refine(
     poses = np.asarray(graph.values(np.arange(count)).array)
     added: NDArray[np.int64] | None = None
     for round_ in range(options.rounds):
-        factor = _pair_factor(clouds, poses, round_, config)
+        factor = _pair_factor(clouds, poses, round_, config, sensor)
         if added is not None:
             graph.remove(added)
         added = None if factor is None else np.atleast_1d(np.asarray(graph.add(factor)))
@@ -93,7 +96,9 @@ def refine(
     return graph
 
 
-def _pair_factor(clouds: IndexedClouds, poses: Array, round_: int, config: SlamConfig) -> Between | None:
+def _pair_factor(
+    clouds: IndexedClouds, poses: Array, round_: int, config: SlamConfig, sensor: SensorModel
+) -> Between | None:
     """Scan-to-scan edges of all overlapping pairs, aligned from the present poses."""
     options = config.refinement
     pairs = overlapping_pairs(poses, options.radius, options.neighbours)
@@ -104,13 +109,14 @@ def _pair_factor(clouds: IndexedClouds, poses: Array, round_: int, config: SlamC
     fine = align(
         clouds, clouds.as_sources(), pairs, T_start,
         prior_information=np.broadcast_to(WEAK_PRIOR, (len(pairs), 3, 3)),
-        options=replace(config.alignment, radius_start=start, radius_end=end), threads=config.threads,
+        options=replace(sensor.alignment, radius_start=start, radius_end=end), threads=config.threads,
     )  # fmt: skip
     good = fine.overlap >= options.overlap
     if not good.any():
         return None
     pairs = pairs[good]
-    information = options.information_scale * fine.information[good] + LEAST_INFORMATION
+    worth = sensor.return_information(options.information_scale)
+    information = worth * without_normal_noise(fine.information[good], sensor.normal_variance) + LEAST_INFORMATION
     return Between(
         pairs[:, 0].astype(np.int64), pairs[:, 1].astype(np.int64), SE2.from_array(fine.T_target_source[good]),
         information=information, role=Role.LOOP, kernel=Cauchy(KERNEL),

@@ -66,7 +66,7 @@ class Slam:
         self._sensor = SensorModel(self.config)
         self._tracker = Tracker(self._keyframes, self.config, self._sensor)
         self._pose_graph = PoseGraph(self.config.closing.kernel_scale)
-        self._closer = LoopCloser(self._keyframes, self._pose_graph, self.config)
+        self._closer = LoopCloser(self._keyframes, self._pose_graph, self.config, self._sensor)
         self._scans: list[LaserScan] = []
         self._tracked: list[TrackedScan] = []
         self._T_odom_robot: list[Array] = []
@@ -149,7 +149,7 @@ class Slam:
         if len(self._keyframes) < 2:
             return
         self.optimise()
-        self._refined = refine(self._keyframes, self._pose_graph.graph, self.config, progress)
+        self._refined = refine(self._keyframes, self._pose_graph.graph, self.config, self._sensor, progress)
         self._pose_graph.set_poses(np.asarray(self._refined.values(SE2).array))
 
     # --- answers out ------------------------------------------------------------------------------------------------

@@ -20,10 +20,11 @@ from clew.scan import (
     extract_points,
     index_cloud,
     merge_surfels,
+    without_normal_noise,
 )
 from clew.slam.config import SlamConfig
 from clew.slam.keyframes import Keyframe, KeyframeStore
-from clew.slam.prediction import MotionPredictor
+from clew.slam.prediction import MotionPredictor, Prediction
 from clew.slam.sensor import SensorModel
 
 Array = NDArray[np.float64]
@@ -31,7 +32,8 @@ Array = NDArray[np.float64]
 PYRAMID_LEVELS = 5
 THINNING = 0.1  # metres; the correlative search needs the shape of a scan, not each return
 LEAST_POINTS = 10
-LEAST = 1e-6  # of a share of information
+ELSEWHERE = 1.5  # the search has left the prediction when it ended so many times `prior_floor` away
+LITTLE_SLIP = 0.7  # a prediction of more weight is left as it is
 CHANGE_SIGMAS = 5.0  # of the range noise; a return that differs by more, and by more than the robot may move unseen,
 CHANGED_SHARE = 0.05  #   on so many of the beams, shows that the robot moves
 SLIP_FREEDOM = 3.0  # degrees of freedom of the distribution of odometry's errors
@@ -119,7 +121,7 @@ class Tracker:
         transport = se2.adjoint(se2.inverse(increment))
         prior = transport @ self._covariance @ transport.T + prediction.covariance
         points = extract_points(scan, self._config.cleaning)
-        match = self._match(points, increment, prior)
+        match = self._match(points, prediction, prior)
         self._predictor.matched(scan.timestamp, T_odom_robot, se2.between(self._T_keyframe_robot, match.pose))
         self._T_keyframe_robot, self._covariance, self._scan = match.pose, match.covariance, scan
         if self._starts_keyframe(scan.timestamp):
@@ -151,56 +153,77 @@ class Tracker:
         limit = CHANGE_SIGMAS * self._sensor.range_noise + self._config.tracking.still_distance
         return bool(np.count_nonzero(change > limit) > CHANGED_SHARE * max(len(change), 1))
 
-    def _match(self, points: ScanPoints, increment: Array, prior: Array) -> _Match:
+    def _match(self, points: ScanPoints, prediction: Prediction, prior: Array) -> _Match:
         """Pose and covariance from the prediction and the returns; the prediction where they do not tell."""
         assert self._map is not None
-        predicted = se2.compose(self._T_keyframe_robot, increment)
+        predicted = se2.compose(self._T_keyframe_robot, prediction.increment)
         unmatched = _Match(predicted, prior, predicted, np.zeros((3, 3)), np.zeros((3, 3)))
         if len(points) < LEAST_POINTS:
             return unmatched
         options = self._config.tracking
         sigmas = np.sqrt(np.diag(prior))
-        half = np.maximum(options.window_sigmas * sigmas, options.window_floor) + self._stuck(increment)
+        half = np.maximum(options.window_sigmas * sigmas, options.window_floor) + self._surprise(prediction)
         half = np.minimum(half, options.window_ceiling)
         coarse = correlate(
             self._map.pyramid, merge_surfels(points, THINNING).points, predicted, half,
-            prior_sigmas=sigmas, prior_weight=options.prior_weight,
+            prior_sigmas=np.maximum(sigmas, options.prior_floor), prior_weight=options.prior_weight,
         )  # fmt: skip
         start = predicted if coarse is None else coarse.T_target_source
-        prior_information = np.asarray(self._slip(predicted, start, prior) * np.linalg.inv(prior), dtype=np.float64)
-        alignment = self._sensor.alignment
-        worth = self._sensor.return_information(options.information_scale)
-        fine = align(
-            self._map.index, SourceClouds.single(points), np.zeros((1, 2), dtype=np.int32), start[None],
-            T_prior=predicted[None], prior_information=prior_information[None] / worth, options=alignment,
-        )  # fmt: skip
-        if fine.overlap[0] < options.overlap:
-            return unmatched
-        self._sensor.matched(float(fine.rms[0]))
-        information = without_normal_noise(worth * fine.information[0], self._sensor.normal_variance)
-        pose, covariance = fine.T_target_source[0], np.linalg.inv(information + prior_information)
+        precision = np.asarray(np.linalg.inv(prior), dtype=np.float64)
+        prior_information = precision
+        if np.linalg.norm(se2.between(predicted, start) / options.prior_floor) > ELSEWHERE:
+            # Far from the prediction: were it held to it, the alignment would find other partners on its way back.
+            prior_information = np.linalg.inv(prior + np.diag(np.square(options.prior_floor)))
+        for attempt in range(2):
+            aligned = self._align(points, start, predicted, prior_information)
+            if aligned is None:
+                return unmatched
+            pose, T_returns, information = aligned
+            trust = self._slip(predicted, T_returns, prior, information)
+            if attempt or (trust > LITTLE_SLIP and prior_information is precision):
+                break
+            start, prior_information = pose, trust * precision
+        covariance = np.linalg.inv(information + prior_information)
         gain = covariance @ information
-        T_returns = se2.compose(pose, fine.step[0])
         of_returns = np.asarray(gain @ covariance @ gain.T, dtype=np.float64)
         return _Match(pose, np.asarray(covariance, dtype=np.float64), T_returns, information, of_returns)
 
     @staticmethod
-    def _stuck(increment: Array) -> Array:
-        """What the window grows by, so that a robot whose wheels turned while it stood is found where it stood.
+    def _surprise(prediction: Prediction) -> Array:
+        """What the window grows by, so that the alternatives to the prediction lie in it."""
+        away = se2.between(prediction.increment, prediction.alternatives)
+        distance = float(np.hypot(away[:, 0], away[:, 1]).max())
+        return np.array([distance, distance, 0.5 * float(np.abs(away[:, 2]).max())])
 
-        The other way round, odometry that comes late shows no motion first and then all of it at once.
-        """
-        distance = np.hypot(increment[0], increment[1])
-        return np.array([distance, distance, 0.5 * abs(increment[2])])
+    def _align(
+        self, points: ScanPoints, start: Array, predicted: Array, prior_information: Array
+    ) -> tuple[Array, Array, Array] | None:
+        """Pose by returns and prediction, pose by the returns alone, and their information; None without overlap."""
+        assert self._map is not None
+        worth = self._sensor.return_information(self._config.tracking.information_scale)
+        fine = align(
+            self._map.index, SourceClouds.single(points), np.zeros((1, 2), dtype=np.int32), start[None],
+            T_prior=predicted[None], prior_information=prior_information[None] / worth,
+            options=self._sensor.alignment,
+        )  # fmt: skip
+        pose = fine.T_target_source[0]
+        if fine.overlap[0] < self._config.tracking.overlap:
+            return None
+        self._sensor.matched(float(fine.rms[0]))
+        information = without_normal_noise(worth * fine.information[0], self._sensor.normal_variance)
+        return pose, se2.compose(pose, fine.step[0]), information
 
     @staticmethod
-    def _slip(predicted: Array, matched: Array, prior: Array) -> float:
-        """Weight of a prediction that the search contradicts: wheels slip, so odometry's errors have heavy tails.
+    def _slip(predicted: Array, T_returns: Array, prior: Array, information: Array) -> float:
+        """Weight of a prediction that the returns contradict: wheels slip, so odometry's errors have heavy tails.
 
-        It is that of a Student's t distribution (Lange, Little, Taylor 1989).
+        It is that of a Student's t distribution (Lange, Little, Taylor 1989). Where the returns tell nothing, as along
+        a corridor, they contradict nothing.
         """
-        error = se2.between(predicted, matched)
-        squared = float(error @ np.linalg.solve(prior, error))
+        error = se2.between(predicted, T_returns)
+        # (prior + information^-1)^-1 without inverting what may be singular.
+        weight = np.linalg.solve(np.eye(3) + information @ prior, information)
+        squared = float(error @ weight @ error)
         return (SLIP_FREEDOM + 3) / (SLIP_FREEDOM + max(squared, 3.0))
 
     def _starts_keyframe(self, timestamp: float) -> bool:
@@ -236,18 +259,3 @@ class Tracker:
             surfels.points, resolution=options.resolution, sigma=options.sigma, levels=PYRAMID_LEVELS
         )
         return _LocalMap(index_cloud(surfels), pyramid)
-
-
-def without_normal_noise(information: Array, variance: float) -> Array:
-    """Information ``(3, 3)`` of an alignment without what noise of the normals seems to add to it.
-
-    Each return adds ``n n^T`` of its normal. A normal that is off by a small angle has a part along the surface, which
-    its square counts as information: on average ``variance * t t^T``, ``t`` along the surface. Over a bare corridor of
-    some hundred returns it would seem to tell how far along the robot is.
-    """
-    values, vectors = np.linalg.eigh(information[:2, :2])
-    total = values.sum()
-    kept = np.clip((values - variance * (total - values)) / np.maximum(values, LEAST), LEAST, 1.0)
-    scale = np.eye(3)
-    scale[:2, :2] = (vectors * np.sqrt(kept)) @ vectors.T
-    return np.asarray(scale @ information @ scale)
