@@ -27,8 +27,8 @@ class TrackingOptions:
             predicted without it,
         carry_on: by the last velocity, for so many seconds at most.
         prior_weight: weight of the prediction against the mean likelihood in the search,
-        prior_floor: where its deviations are taken as these at least, metres, metres, radians: odometry that halts for a
-            moment is sure of itself and wrong.
+        prior_floor: where its deviations are taken as these at least, metres, metres, radians: odometry that halts for
+            a moment is sure of itself and wrong.
         voxel: side of a surfel of the local map, metres.
         information_scale: share of the returns that tell something new: neighbours share their part of the map and its
             errors. Chosen so that normalised errors in simulated worlds are right (`benchmarks/sensors.py`).

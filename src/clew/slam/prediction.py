@@ -13,7 +13,7 @@ from clew.slam.sensor import SensorModel
 
 Array = NDArray[np.float64]
 
-TINY = 1e-9
+LEAST_SECONDS = 0.08  # that a velocity is measured over
 MEMORY = 0.95  # of the mean errors of the two predictions, a match
 LEVER = 2.0  # metres; what an error of a radian counts
 WORSE = 2.0  # odometry must be so many times worse than the last velocity to be left aside
@@ -28,8 +28,8 @@ class Prediction:
         increment: ``(3,)`` expected,
         covariance: ``(3, 3)`` and how well.
         by_odometry: whether odometry tells it, or the last velocity.
-        alternatives: ``(A, 3)`` what may have happened instead: the robot stood while its wheels turned; or odometry that
-            came late shows no motion first and then all of it at once.
+        alternatives: ``(A, 3)`` what may have happened instead: the robot stood while its wheels turned; or odometry
+            that came late shows no motion first and then all of it at once.
     """
 
     increment: Array
@@ -51,7 +51,8 @@ class MotionPredictor:
         self._timestamp = 0.0
         self._T_odom_robot: Array | None = None  # at the last matched scan,
         self._T_odom_keyframe: Array | None = None  # at the last keyframe
-        self._velocity = np.zeros(3)  # body velocity between the last two matched scans
+        self._velocity = np.zeros(3)  # body velocity between the last matched scans
+        self._seconds, self._moved = 0.0, np.zeros(3)  # since it was measured
         self._errors = np.zeros(2)  # mean error of odometry and of the last velocity, metres
         self._candidates: tuple[Array | None, Array] = (None, np.zeros(3))
 
@@ -99,8 +100,11 @@ class MotionPredictor:
                 error = se2.between(candidate, moved)
                 size = min(float(np.hypot(error[0], error[1])) + LEVER * abs(float(error[2])), 1.0)
                 self._errors[which] = MEMORY * self._errors[which] + (1 - MEMORY) * size
-        if seconds > TINY:
-            self._velocity = se2.log(moved) / seconds
+        # Scans may come in bursts: over a moment too short, noise is all there is to a velocity.
+        self._seconds, self._moved = self._seconds + seconds, se2.compose(self._moved, moved)
+        if self._seconds >= LEAST_SECONDS:
+            self._velocity = se2.log(self._moved) / self._seconds
+            self._seconds, self._moved = 0.0, np.zeros(3)
         self._timestamp, self._T_odom_robot = timestamp, T_odom_robot
 
     def keyframe(self, T_odom_robot: Array | None, step: Array, information: Array) -> None:

@@ -117,7 +117,7 @@ class SensorModel:
             "other_numbers_of_beams": sorted({n for n, _ in self._beams} - {beams}),
             "angular_resolution_deg": round(float(np.degrees(increment)), 4),
             "field_of_view_deg": round(float(np.degrees(increment * (beams - 1))), 2),
-            "scans_per_second": round(1.0 / float(np.median(self._gaps)), 2) if self._gaps else None,
+            "scans_per_second": round(1.0 / max(float(np.mean(self._gaps)), 1e-6), 2) if self._gaps else None,
             "sweep_seconds": round(self._sweep, 4),
             "range_noise_m": round(self.range_noise, 4),
             "return_deviation_m": round(self.return_deviation, 4),
