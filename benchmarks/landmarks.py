@@ -17,8 +17,8 @@ from scipy.spatial import cKDTree
 from clew.evaluate import absolute_trajectory_error, align
 from clew.geometry import SE2, Point2, se2
 from clew.graph import FactorGraph, Role
-from clew.io import Features, SightingLog, mrclam_robots, read_graph, read_mrclam, read_survey
-from clew.slam.landmarks import LandmarkMap, RobotEstimate, associate_features, map_landmarks
+from clew.io import Features, SightingLog, mrclam_robots, read_feature_log, read_graph, read_mrclam, read_survey
+from clew.slam.landmarks import LandmarkMap, RobotEstimate, map_features, map_landmarks
 from clew.solve import Solution, optimize
 
 Array = NDArray[np.float64]
@@ -149,13 +149,13 @@ def association(folder: Path) -> None:
           f"> {GROSS:g} m | those | chi2 of given | CPU ms a sighting |")  # fmt: skip
     print("| --- | --- | --- | --- | --- | --- | --- | --- | --- | --- |")
     for name in ("world-2000", "victoriaPark"):
-        features = read_graph(folder / f"{name}-noassoc.g2o.gz")
+        log = read_feature_log(folder / f"{name}-noassoc.g2o.gz")
         full = read_graph(folder / f"{name}-full.g2o.gz").graph
-        seen = features.features
-        assert seen is not None
+        seen = log.features
         begun = time.process_time()
-        found, _, solution = associate_features(features.graph, seen.keys, seen.measurement, seen.information)
+        mapped = map_features(log)
         spent = time.process_time() - begun
+        found, solution = mapped.landmark, mapped.solution
         own = trajectory(solution)
         from_own = dict(zip(np.sort(solution.keys(SE2)).tolist(), own, strict=True))
         theirs = solve_given(full, from_own)
@@ -165,7 +165,7 @@ def association(folder: Path) -> None:
         print(
             f"| {name} | {100 * share_right(found, given):.2f} % | "
             f"{100 * share_right(found, coinciding(full, theirs, given)):.2f} % | "
-            f"{len(np.unique(found[found >= 0]))} | {len(np.unique(given))} | {distance(own, trajectory(theirs)):.3f} | "
+            f"{len(mapped.identity)} | {len(np.unique(given))} | {distance(own, trajectory(theirs)):.3f} | "
             f"{distance(own, trajectory(cleaned)):.3f} | {np.sum(~kept)} | {theirs.chi2:.3f} | "
             f"{1e3 * spent / len(given):.2f} |",
             flush=True,

@@ -10,7 +10,10 @@ import typer
 
 def run(
     log: Annotated[
-        Path, typer.Argument(metavar="LOG", show_default=False, help="CARMEN log, ROS bag, or MRCLAM folder.")
+        Path,
+        typer.Argument(
+            metavar="LOG", show_default=False, help="CARMEN log, ROS bag, MRCLAM folder, or file of features."
+        ),
     ],
     out: Annotated[Path, typer.Option("-o", "--out", metavar="OUT", show_default=False, help="Output folder.")],
     refine: Annotated[
@@ -29,6 +32,9 @@ def run(
     robot: Annotated[
         int | None, typer.Option(metavar="N", show_default=False, help="Robot of an MRCLAM folder; default: all.")
     ] = None,
+    identities: Annotated[
+        bool, typer.Option("--identities/--no-identities", help="Use identities of landmarks that the log has.")
+    ] = True,
     json: Annotated[bool, typer.Option("--json", help="Print the summary as JSON.")] = False,
     quiet: Annotated[bool, typer.Option("-q", "--quiet", help="Print nothing but errors.")] = False,
 ) -> None:
@@ -40,6 +46,10 @@ def run(
 
     A folder of the UTIAS MRCLAM data (odometry and sightings of landmarks) gives landmarks.csv and landmarks.png in
     place of the map, for one robot or for all of them in one graph; the options of laser logs do not concern it.
+
+    A file of features seen on the way gives the same for landmarks whose identity nobody knows: a g2o file with
+    odometry and `DATA_FEATURE_POINTXY` lines, or a `.circles` log (whose identities `--no-identities` disregards).
+    Which sightings are of one landmark, and how noisy they are, is found on the way.
 
     **OUT** receives trajectory.tum (a pose for every scan), keyframes.tum, graph.g2o, map.pgm and map.yaml (for ROS),
     map.png, overview.png (look at this first), closures.csv and summary.json.
@@ -53,15 +63,22 @@ def run(
     `clew run robot.log -o out --resolution 0.1 --json`
 
     `clew run MRCLAM_Dataset6 -o out --robot 3`
+
+    `clew run victoriaPark-noassoc.g2o.gz -o out`
     """
     from clew.cli.job import run_log
     from clew.errors import InputError
-    from clew.io import is_mrclam
+    from clew.io import is_feature_log, is_mrclam
 
     if is_mrclam(log):
         from clew.cli.landmark_job import run_landmarks
 
         run_landmarks(log, out, robot, json, quiet)
+        return
+    if is_feature_log(log) and robot is None:
+        from clew.cli.feature_job import run_features
+
+        run_features(log, out, identities, json, quiet)
         return
     if robot is not None:
         raise InputError(f"--robot {robot}: {log} is no MRCLAM folder; leave the option out")

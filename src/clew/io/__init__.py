@@ -1,6 +1,8 @@
 """Files: one format a module."""
 
 from clew.io.atomic import atomic_write, atomic_write_binary, ensure_output_folder
+from clew.io.feature_drive import UNNAMED, FeatureLog
+from clew.io.feature_log import is_feature_log, read_feature_log
 from clew.io.graph_file import Features, GraphFile, GraphReport
 from clew.io.log import Log, Measurement, ReadReport
 from clew.io.mrclam import is_mrclam, mrclam_robots, read_mrclam, read_survey
@@ -13,6 +15,8 @@ from clew.io.trajectory import read_tum, write_kitti, write_tum
 from clew.io.write_graph import write_graph
 
 __all__ = [
+    "UNNAMED",
+    "FeatureLog",
     "Features",
     "GraphFile",
     "GraphReport",
@@ -28,9 +32,11 @@ __all__ = [
     "atomic_write",
     "atomic_write_binary",
     "ensure_output_folder",
+    "is_feature_log",
     "is_mrclam",
     "mrclam_robots",
     "open_log",
+    "read_feature_log",
     "read_graph",
     "read_mrclam",
     "read_relations",
