@@ -7,6 +7,9 @@ from typing import Annotated
 
 import typer
 
+from clew.cli.live import LiveHost, LiveKeep, LiveNoOpen, LiveOption, LiveOptions, LivePort
+from clew.cli.options import Json, LogLevel, LogLevelOption, Quiet
+
 
 def run(
     log: Annotated[
@@ -35,8 +38,14 @@ def run(
     identities: Annotated[
         bool, typer.Option("--identities/--no-identities", help="Use identities of landmarks that the log has.")
     ] = True,
-    json: Annotated[bool, typer.Option("--json", help="Print the summary as JSON.")] = False,
-    quiet: Annotated[bool, typer.Option("-q", "--quiet", help="Print nothing but errors.")] = False,
+    live: LiveOption = None,
+    live_host: LiveHost = "127.0.0.1",
+    live_port: LivePort = 0,
+    no_open: LiveNoOpen = False,
+    live_keep: LiveKeep = False,
+    json: Json = False,
+    quiet: Quiet = False,
+    log_level: LogLevelOption = LogLevel.WARNING,
 ) -> None:
     """Map a robot's log: laser scans and wheel odometry in, trajectory, graph and map out.
 
@@ -51,12 +60,18 @@ def run(
     odometry and `DATA_FEATURE_POINTXY` lines, or a `.circles` log (whose identities `--no-identities` disregards).
     Which sightings are of one landmark, and how noisy they are, is found on the way.
 
-    **OUT** receives trajectory.tum (a pose for every scan), keyframes.tum, graph.g2o, map.pgm and map.yaml (for ROS),
-    map.png, overview.png (look at this first), closures.csv and summary.json.
+    **OUT** receives report.html (look at this first: map, replay, closures with their scans, what to check),
+    trajectory.tum (a pose for every scan), keyframes.tum, graph.g2o, map.pgm and map.yaml (for ROS), map.png,
+    overview.png, closures.csv and summary.json.
+
+    With --live a page in the browser shows map and graph while they grow (on this machine only; the address that is
+    printed holds a key that lets you in). Closing it changes nothing.
 
     **Examples**
 
     `clew run intel.clf.bz2 -o out`
+
+    `clew run intel.clf.bz2 -o out --live`
 
     `clew run recording.bag -o out --scan-topic /front/scan`
 
@@ -71,15 +86,20 @@ def run(
     from clew.io import is_feature_log, is_mrclam
 
     if is_mrclam(log):
+        if live is not None:
+            raise InputError(f"--live: shows runs of laser logs, and {log} is an MRCLAM folder; leave the option out")
         from clew.cli.landmark_job import run_landmarks
 
         run_landmarks(log, out, robot, json, quiet)
         return
-    if is_feature_log(log) and robot is None:
+    if robot is None and is_feature_log(log):
+        if live is not None:
+            raise InputError(f"--live: shows runs of laser logs, and {log} holds features; leave the option out")
         from clew.cli.feature_job import run_features
 
         run_features(log, out, identities, json, quiet)
         return
     if robot is not None:
         raise InputError(f"--robot {robot}: {log} is no MRCLAM folder; leave the option out")
-    run_log(log, out, refine, odometry, resolution, scan_topic, odometry_topic, json, quiet)
+    viewing = LiveOptions(live, live_host, live_port, no_open, live_keep)
+    run_log(log, out, refine, odometry, resolution, scan_topic, odometry_topic, json, quiet, viewing)
