@@ -180,7 +180,7 @@ def _result(
     for track, model in zip(tracks, models, strict=True):
         first = rows[int(track.keys[0])]
         mine = slice(first, first + len(track.timestamps))
-        odometry = dead_reckoning(track.motion(SensorModel())[0].motion)
+        odometry = dead_reckoning(track.motions(SensorModel()))
         robots.append(
             RobotEstimate(track.log.robot, track.keys, track.timestamps, poses[mine],
                           pose_covariances[mine], odometry, model)
