@@ -2,6 +2,7 @@
 
     python benchmarks/backend.py                 the table of Gauss-Newton iterations, and marginals
     python benchmarks/backend.py --scaling       Manhattan worlds from 1,000 to 1,000,000 poses
+    python benchmarks/backend.py --memory        peak memory of a solve against graph and factor
 
 Prints Markdown. A program that is not installed is left out with a line that says so.
 """
@@ -23,6 +24,7 @@ from typing import TypeVar
 
 sys.path.insert(0, str(Path(__file__).parent))
 
+from backend_memory import memory
 from backend_peers import PEERS, Refused, Run, marginals_clew, marginals_gtsam, repeat, run_clew
 from backend_worlds import scaling
 
@@ -41,12 +43,16 @@ def main() -> None:
     parser.add_argument("--iterations", type=int, default=5)
     parser.add_argument("--repeats", type=int, default=3, help="the fastest of these counts")
     parser.add_argument("--scaling", action="store_true", help="Manhattan worlds instead of the table")
+    parser.add_argument("--memory", action="store_true", help="peak memory instead of the table")
     parser.add_argument("--sizes", type=int, nargs="*", default=[1_000, 10_000, 100_000, 1_000_000])
     options = parser.parse_args()
     if hasattr(os, "sched_setaffinity"):  # one thread for everybody, whatever their defaults
         os.sched_setaffinity(0, {min(os.sched_getaffinity(0))})
     if options.scaling:
         print("\n".join(scaling(options.sizes)))
+        return
+    if options.memory:
+        memory(options.data, {name: GRAPHS[name] for name in options.graphs}, options.sizes)
         return
     with tempfile.TemporaryDirectory() as folder:
         iterations(options, Path(folder))

@@ -109,6 +109,24 @@ def test_the_same_graph_gives_the_same_bytes(tmp_path: Path) -> None:
     assert (tmp_path / "a.png").read_bytes() == (tmp_path / "b.png").read_bytes()
 
 
+def test_ellipses_in_space_are_those_of_the_projection(tmp_path: Path) -> None:
+    """What spreads along x + y lies across an isometric picture, what spreads along z stands upright."""
+    poses = np.array([[0.0, 0.0, 0.0], [10.0, 0.0, 0.0], [10.0, 10.0, 5.0]])
+    points = np.array([[5.0, 5.0, 0.0]])
+    plot_graph(tmp_path / "g.png", poses, loop_of(poses), points)
+    plain = graph_part(pixels_of(tmp_path / "g.png"))
+    across = np.array([1.0, 1.0, 0.0]) / np.sqrt(2.0)
+    seen = {}
+    for name, direction in {"right": across, "up": np.array([0.0, 0.0, 1.0])}.items():
+        spread = np.outer(direction, direction)[None] + 1e-6 * np.eye(3)
+        plot_graph(tmp_path / "g.png", poses, loop_of(poses), points, point_covariances=spread)
+        full = graph_part(pixels_of(tmp_path / "g.png"))[: len(plain)]
+        marked = np.nonzero((full != plain).any(axis=-1))
+        seen[name] = np.ptp(marked[1]) - np.ptp(marked[0])
+    assert seen["right"] > 50
+    assert seen["up"] < -50
+
+
 @pytest.mark.parametrize(("poses", "edges", "points", "covariances"), [
     (np.array([[0.0, np.nan]]), np.zeros((0, 2, 2)), None, None),
     (np.zeros((2, 4)), np.zeros((0, 2, 2)), None, None),

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from clew.errors import InputError
-from clew.geometry import SE2, SE3, so2
+from clew.geometry import SE2, SE3, so2, so3
 from clew.io import GraphFile, atomic_write, write_graph, write_kitti, write_tum
 from clew.solve import Solution
 
@@ -72,7 +73,7 @@ def write_marginals(path: Path, solution: Solution) -> None:
 
 
 def draw(path: Path, solution: Solution, *, ellipses: bool) -> None:
-    """Picture of the solution: poses, landmarks, edges by role and, in the plane, ellipses if wanted.
+    """Picture of the solution: poses, landmarks, edges by role and, if wanted, ellipses of positions.
 
     Raises:
         InputError: the file cannot be written, or ellipses are wanted and some variables are free to move.
@@ -89,15 +90,24 @@ def draw(path: Path, solution: Solution, *, ellipses: bool) -> None:
             edges.setdefault(block.role.value, []).append(np.stack(ends, axis=1))
     poses = [kind for kind in solution.kinds if kind in (SE2, SE3)]
     points = [where[kind] for kind in solution.kinds if kind not in (SE2, SE3)]
-    covariances = None
-    if ellipses and poses == [SE2]:
-        turn = so2.matrix(solution.values(SE2).array[:, 2:])
-        covariances = turn @ solution.covariances(SE2)[:, :2, :2] @ np.swapaxes(turn, 1, 2)
+    spread = {kind: _position_covariances(solution, kind) for kind in solution.kinds} if ellipses else {}
+    of_points = [spread[kind] for kind in solution.kinds if kind in spread and kind not in (SE2, SE3)]
     plot_graph(
         path,
         where[poses[0]] if poses else np.empty((0, 2)),
         {role: np.concatenate(parts) for role, parts in edges.items()},
         points[0] if points else None,
-        covariances,
+        spread[poses[0]] if spread and poses else None,
+        of_points[0] if of_points else None,
         f"chi2 {solution.chi2:.6g}",
     )
+
+
+def _position_covariances(solution: Solution, kind: type[Any]) -> Array:
+    """``(N, space, space)`` in the world frame."""
+    own = solution.covariances(kind)[:, : kind.space, : kind.space]
+    if kind not in (SE2, SE3):
+        return own
+    rotation = solution.values(kind).array[:, kind.space :]
+    turn = so2.matrix(rotation) if kind is SE2 else so3.matrix(rotation)
+    return np.asarray(turn @ own @ np.swapaxes(turn, 1, 2), dtype=np.float64)

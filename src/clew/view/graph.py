@@ -53,6 +53,7 @@ def plot_graph(
     edges_by_role: Mapping[str, Array],
     points_xy: Array | None = None,
     covariances: Array | None = None,
+    point_covariances: Array | None = None,
     title: str | None = None,
 ) -> None:
     """Write the picture of a factor graph as PNG; one in space is seen from above one corner (isometric).
@@ -63,8 +64,9 @@ def plot_graph(
         edges_by_role: for each role (`clew.graph.Role` or its value) the ``(M, 2, 2)`` or ``(M, 2, 3)``
             positions of both ends of its edges.
         points_xy: ``(P, 2)`` or ``(P, 3)`` positions of landmarks.
-        covariances: ``(N, 2, 2)`` covariances of the poses' positions in the world frame, for graphs in the
-            plane; drawn as ellipses that hold 95 %, spread over the poses where there are many.
+        covariances: ``(N, d, d)`` covariances of the poses' positions in the world frame; drawn as ellipses that
+            hold 95 % of what is seen in the picture, spread over the poses where there are many.
+        point_covariances: ``(P, d, d)`` the same of the landmarks.
         title: heading, one line.
 
     Raises:
@@ -75,14 +77,11 @@ def plot_graph(
     points = np.zeros((0, dim)) if points_xy is None else np.asarray(points_xy, dtype=np.float64)
     edges = {str(getattr(role, "value", role)): np.asarray(ends, dtype=np.float64)
              for role, ends in edges_by_role.items()}
-    _check(poses, points, edges, covariances)
+    _check(poses, points, edges, covariances, point_covariances)
+    outlines = np.concatenate([_ellipses(poses, covariances), _ellipses(points, point_covariances)])
     if dim == 3:
         poses, points = poses @ _ISOMETRIC, points @ _ISOMETRIC
         edges = {role: ends @ _ISOMETRIC for role, ends in edges.items()}
-
-    every = -(-len(poses) // _MOST_ELLIPSES) or 1  # more would hide the graph
-    outlines = (np.zeros((0, 1, 2)) if covariances is None
-                else ellipse_outlines(poses[::every], covariances[::every]))
     drawn = np.concatenate([poses, points, *(ends.reshape(-1, 2) for ends in (*edges.values(), outlines))])
     low, high = (drawn.min(axis=0), drawn.max(axis=0)) if len(drawn) else (np.zeros(2), np.ones(2))
     span = np.maximum(high - low, 1e-3 * max(1.0, float((high - low).max())))
@@ -90,7 +89,7 @@ def plot_graph(
     inner = np.maximum(np.ceil(span * pixels_per_metre), (_NARROWEST, _LOWEST)).astype(int)
     width, height = int(inner[0]) + 2 * MARGIN, int(inner[1]) + 2 * MARGIN
 
-    handles = _legend(poses, points, edges, covariances)
+    handles = _legend(poses, points, edges, len(outlines) > 0)
     columns = max(1, (width - 2 * MARGIN - _BAR) // _COLUMN)
     foot = 2 * MARGIN + LINE_HEIGHT * -(-len(handles) // columns)
     sheet = Sheet(width, foot + height + _HEAD)
@@ -99,7 +98,7 @@ def plot_graph(
     centre = (low + high) / 2.0
     axes.set(xlim=(centre[0] - half[0], centre[0] + half[0]), ylim=(centre[1] - half[1], centre[1] + half[1]))
     _draw(axes, poses, points, edges)
-    if covariances is not None:
+    if len(outlines):
         axes.add_collection(ellipse_collection(outlines, UNCERTAINTY), autolim=False)
 
     sheet.text(MARGIN, sheet.height - 64, title or "", 15, bold=True)
@@ -111,16 +110,30 @@ def plot_graph(
     sheet.save(Path(path))
 
 
-def _check(poses: Array, points: Array, edges: Mapping[str, Array], covariances: Array | None) -> None:
+def _ellipses(positions: Array, covariances: Array | None) -> Array:
+    """Outlines ``(K, n, 2)`` in the picture of some of the positions; more would hide the graph."""
+    if covariances is None or not len(positions):
+        return ellipse_outlines(np.zeros((0, 2)), np.zeros((0, 2, 2)))
+    every = -(-len(positions) // _MOST_ELLIPSES)
+    some, spread = positions[::every], covariances[::every]
+    if positions.shape[1] == 3:
+        some, spread = some @ _ISOMETRIC, _ISOMETRIC.T @ spread @ _ISOMETRIC
+    return ellipse_outlines(some, spread)
+
+
+def _check(
+    poses: Array, points: Array, edges: Mapping[str, Array], covariances: Array | None, point_covariances: Array | None
+) -> None:
     dim = poses.shape[-1]
     fits = poses.ndim == 2 and dim in (2, 3) and points.ndim == 2 and points.shape[1] == dim
     if not fits or any(ends.ndim != 3 or ends.shape[1:] != (2, dim) for ends in edges.values()):
         raise InputError("a picture of a graph needs poses (N, d), landmarks (P, d) and edges (M, 2, d) with "
                          "d = 2 or 3")
-    if covariances is not None and (dim != 2 or covariances.shape != (len(poses), 2, 2)):
-        raise InputError(f"ellipses need a graph in the plane and covariances ({len(poses)}, 2, 2), "
-                         f"not {covariances.shape}")
-    for name, values in {"poses": poses, "landmarks": points, "covariances": covariances, **edges}.items():
+    ellipses = {"covariances": covariances, "covariances of landmarks": point_covariances}
+    for (name, given), count in zip(ellipses.items(), (len(poses), len(points)), strict=True):
+        if given is not None and given.shape != (count, dim, dim):
+            raise InputError(f"ellipses need {name} ({count}, {dim}, {dim}), not {given.shape}")
+    for name, values in {"poses": poses, "landmarks": points, **ellipses, **edges}.items():
         if values is not None and not np.isfinite(values).all():
             raise InputError(f"a picture of a graph needs finite positions; some {name} are not")
 
@@ -146,7 +159,7 @@ def _draw(axes: Axes, poses: Array, points: Array, edges: Mapping[str, Array]) -
 
 
 def _legend(
-    poses: Array, points: Array, edges: Mapping[str, Array], covariances: Array | None
+    poses: Array, points: Array, edges: Mapping[str, Array], ellipses: bool
 ) -> list[Line2D]:
     handles = [Line2D([], [], linestyle="none", marker="o", markersize=4, color=INK, markeredgewidth=0.0,
                       label=counted(len(poses), "pose"))]
@@ -155,7 +168,7 @@ def _legend(
                               markeredgewidth=0.0, label=counted(len(points), "landmark")))
     handles += [Line2D([], [], color=colour, linewidth=1.8, label=counted(len(ends), f"{role} edge"))
                 for role, ends, colour, _ in _in_order(edges)]
-    if covariances is not None:
+    if ellipses:
         handles.append(Line2D([], [], color=UNCERTAINTY, linewidth=1.2, label="95 % ellipses of position"))
     return handles
 
