@@ -1,16 +1,16 @@
-"""What ``clew optimize`` writes: graph or trajectory, covariances, a picture."""
+"""What ``clew optimize`` writes: graph or trajectory, covariances, a picture, a report."""
 
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from clew.errors import InputError
-from clew.geometry import SE2, SE3, so2, so3
+from clew.geometry import SE2, SE3
 from clew.io import GraphFile, atomic_write, write_graph, write_kitti, write_tum
+from clew.noise import Kernel
 from clew.solve import Solution
 
 Array = NDArray[np.float64]
@@ -73,41 +73,31 @@ def write_marginals(path: Path, solution: Solution) -> None:
 
 
 def draw(path: Path, solution: Solution, *, ellipses: bool) -> None:
-    """Picture of the solution: poses, landmarks, edges by role and, if wanted, ellipses of positions.
+    """Picture of the solution: poses, landmarks, edges by role and, if wanted, ellipses.
 
     Raises:
         InputError: the file cannot be written, or ellipses are wanted and some variables are free to move.
     """
-    from clew.view import plot_graph
+    from clew.view import graph_figure, save_figure, solution_scene
 
-    graph = solution.graph
-    where = {kind: solution.values(kind).array[:, : kind.space] for kind in solution.kinds}
-    edges: dict[str, list[Array]] = {}
-    for block in graph.blocks():
-        if len(block.kinds) > 1:
-            rows = graph.positions(block.keys)
-            ends = [where[kind][rows[:, place]] for place, kind in enumerate(block.kinds[:2])]
-            edges.setdefault(block.role.value, []).append(np.stack(ends, axis=1))
-    poses = [kind for kind in solution.kinds if kind in (SE2, SE3)]
-    points = [where[kind] for kind in solution.kinds if kind not in (SE2, SE3)]
-    spread = {kind: _position_covariances(solution, kind) for kind in solution.kinds} if ellipses else {}
-    of_points = [spread[kind] for kind in solution.kinds if kind in spread and kind not in (SE2, SE3)]
-    plot_graph(
-        path,
-        where[poses[0]] if poses else np.empty((0, 2)),
-        {role: np.concatenate(parts) for role, parts in edges.items()},
-        points[0] if points else None,
-        spread[poses[0]] if spread and poses else None,
-        of_points[0] if of_points else None,
-        f"chi2 {solution.chi2:.6g}",
-    )
+    scene = solution_scene(solution, covariances=ellipses)
+    save_figure(graph_figure(scene, f"chi2 {solution.chi2:.6g}"), path)
 
 
-def _position_covariances(solution: Solution, kind: type[Any]) -> Array:
-    """``(N, space, space)`` in the world frame."""
-    own = solution.covariances(kind)[:, : kind.space, : kind.space]
-    if kind not in (SE2, SE3):
-        return own
-    rotation = solution.values(kind).array[:, kind.space :]
-    turn = so2.matrix(rotation) if kind is SE2 else so3.matrix(rotation)
-    return np.asarray(turn @ own @ np.swapaxes(turn, 1, 2), dtype=np.float64)
+def report_beside(output: Path) -> Path:
+    """Where the report of a result goes unless it is told: ``best.report.html`` beside ``best.g2o.gz``."""
+    return output.with_name(output.name.split(".")[0] + ".report.html")
+
+
+def write_solution_report(
+    path: Path, file: GraphFile, solution: Solution, *, robust: Kernel | None, notes: list[str]
+) -> None:
+    """The report of a solve; nothing for a graph without poses of one kind, which has no map.
+
+    Raises:
+        InputError: the file cannot be written.
+    """
+    from clew.view import report_of_solution, write_report
+
+    if sum(kind in (SE2, SE3) for kind in solution.kinds) == 1:
+        write_report(path, report_of_solution(solution, file.path.name, robust=robust, notes=tuple(notes)))

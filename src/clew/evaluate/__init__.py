@@ -1,5 +1,6 @@
-"""Trajectory and relation metrics."""
+"""Metrics: trajectories, relations, self-consistency, and how a graph holds together."""
 
+from clew.evaluate.connectivity import PathCuts, bridges, path_cuts, stretches
 from clew.evaluate.consistency import PairErrors, pair_errors, revisiting_pairs
 from clew.evaluate.poses import associate, poses_at
 from clew.evaluate.relations import (
@@ -9,6 +10,8 @@ from clew.evaluate.relations import (
     relation_errors,
     relations_from_reference,
 )
+from clew.evaluate.residuals import ROLES, FactorResiduals, factor_residuals
+from clew.evaluate.slip import OdometrySlip, odometry_slip
 from clew.evaluate.spread import WallSpread, wall_spread
 from clew.evaluate.statistics import ErrorStatistics
 from clew.evaluate.trajectory import (
@@ -20,9 +23,13 @@ from clew.evaluate.trajectory import (
 )
 
 __all__ = [
+    "ROLES",
     "AbsoluteError",
     "ErrorStatistics",
+    "FactorResiduals",
+    "OdometrySlip",
     "PairErrors",
+    "PathCuts",
     "ReferenceRelations",
     "RelationErrors",
     "RelationSet",
@@ -31,11 +38,16 @@ __all__ = [
     "absolute_trajectory_error",
     "align",
     "associate",
+    "bridges",
+    "factor_residuals",
+    "odometry_slip",
     "pair_errors",
+    "path_cuts",
     "poses_at",
     "relation_errors",
     "relations_from_reference",
     "relative_pose_error",
     "revisiting_pairs",
+    "stretches",
     "wall_spread",
 ]

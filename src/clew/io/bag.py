@@ -5,8 +5,10 @@ from __future__ import annotations
 import importlib.util
 import math
 import tempfile
+from collections import Counter
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
 from typing import Any
@@ -35,8 +37,12 @@ def bag_suffix(path: Path) -> str | None:
     return next((suffix for magic, suffix in BAG_MAGIC.items() if head.startswith(magic)), None)
 
 
-def _library(path: Path) -> tuple[Any, Any]:
-    """The reader of the `rosbags` library and its types for bags that define none."""
+def load_rosbags(path: Path) -> tuple[Any, Any]:
+    """The reader of the `rosbags` library and its types for bags that define none.
+
+    Raises:
+        MissingDependencyError: the library is missing, or does not fit; the text names `path`.
+    """
     advice = "install it with: pip install 'clew[bags]'"
     if importlib.util.find_spec("rosbags") is None:
         raise MissingDependencyError(f"{path}: ROS bags need the library rosbags, which is missing; {advice}")
@@ -53,7 +59,7 @@ def _library(path: Path) -> tuple[Any, Any]:
 @contextmanager
 def _opened(path: Path) -> Iterator[Any]:
     """A reader on the bag; the library goes by file names, so a bag of another name gets a fitting link."""
-    reader, types = _library(path)
+    reader, types = load_rosbags(path)
     suffix = None if path.is_dir() else bag_suffix(path)
     with tempfile.TemporaryDirectory() as folder:
         named = path
@@ -185,6 +191,28 @@ def _transforms(bag: Any) -> Transforms:
             except Exception:  # see `_opened`
                 break
     return transforms
+
+
+@dataclass(frozen=True)
+class Topic:
+    """Attributes: name, ROS type and number of messages of a topic."""
+
+    name: str
+    type: str
+    messages: int
+
+
+def list_topics(path: Path) -> list[Topic]:
+    """All topics of a bag, by name.
+
+    Raises:
+        InputError, MissingDependencyError: as `read_bag`.
+    """
+    with _opened(path) as bag:
+        counts: Counter[tuple[str, str]] = Counter()
+        for connection in bag.connections:
+            counts[connection.topic, connection.msgtype] += connection.msgcount
+    return [Topic(*name, number) for name, number in sorted(counts.items())]
 
 
 def read_bag(path: Path, scan_topic: str | None = None, odometry_topic: str | None = None,

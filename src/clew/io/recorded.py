@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from clew.errors import InputError
-from clew.io.log import Measurement, ReadReport
+from clew.io.log import Measurement, ReadReport, Records
 from clew.motion import Odometry
 from clew.scan import LaserScan
 
@@ -57,6 +57,19 @@ class ScanTable:
                          self.angle_min[chosen], self.angle_increment[chosen], self.range_min[chosen],
                          self.range_max[chosen], self.T_robot_sensor, self.T_odom_robot[chosen],
                          self.rank[chosen], self.position[chosen])
+
+
+def tabulate(scans: Sequence[LaserScan], positions: Sequence[int]) -> ScanTable:
+    """Scans as a table, each without odometry of its own; `positions` as in `ScanTable`."""
+    count = np.array([len(scan.ranges) for scan in scans], dtype=np.int64)
+    numbers = np.array([(scan.timestamp, scan.angle_min, scan.angle_increment, scan.range_min, scan.range_max)
+                        for scan in scans], dtype=np.float64).reshape(-1, 5)
+    ranges = np.concatenate([np.zeros(0), *(scan.ranges for scan in scans)]).astype(np.float64)
+    place = np.asarray(scans[0].T_robot_sensor if scans else np.zeros(3), dtype=np.float64)
+    times, angle_min, angle_increment, range_min, range_max = numbers.T
+    return ScanTable(times, np.cumsum(count) - count, count, ranges, angle_min, angle_increment, range_min, range_max,
+                     place, np.full((len(scans), 3), np.nan), np.zeros(len(scans), dtype=np.int64),
+                     np.array(positions, dtype=np.int64))
 
 
 def _without_duplicates(scans: ScanTable) -> ScanTable:
@@ -149,6 +162,30 @@ class RecordedLog:
         timed, recorded = (float(np.sum(np.hypot(*np.diff(rows[order, 1:3], axis=0).T)))
                            for order in (by_time, by_position))
         return recorded < 0.98 * timed
+
+    @classmethod
+    def of(cls, log: Records) -> RecordedLog:
+        """Any log as arrays; one that is recorded is returned as it is."""
+        if isinstance(log, cls):
+            return log
+        taken = list(log.measurements())
+        scans = [(position, m) for position, m in enumerate(taken) if isinstance(m, LaserScan)]
+        readings = [(m.timestamp, *m.T_odom_robot, position) for position, m in enumerate(taken)
+                    if isinstance(m, Odometry)]
+        report = ReadReport(skipped=log.report.skipped.copy())
+        return cls(log.path, tabulate([m for _, m in scans], [p for p, _ in scans]),
+                   np.array(readings, dtype=np.float64).reshape(-1, 5), report)
+
+    @property
+    def scans(self) -> ScanTable:
+        """All scans in the order of `measurements`."""
+        return self._scans
+
+    @property
+    def odometry(self) -> Array:
+        """``(M, 5)`` readings in the order of `measurements`, those that came with scans left out: time, x, y, theta,
+        and their place in the order of recording."""
+        return self._odometry
 
     @property
     def scan_count(self) -> int:

@@ -25,7 +25,12 @@ def read_table(path: Path, columns: int, row: str) -> tuple[Array, NDArray[np.in
     check_text(path, content.data)
     if content.truncated:
         raise InputError(f"{path}: the packed file ends early or is damaged; get it again")
-    values, lines, bad_line, bad_count = _native.io.parse_table(content.data, columns)
+    return parse_rows(path, content.data, columns, row)
+
+
+def parse_rows(path: Path, data: bytes, columns: int, row: str) -> tuple[Array, NDArray[np.int64]]:
+    """As `read_table`, of what the file at `path` holds."""
+    values, lines, bad_line, bad_count = _native.io.parse_table(data, columns)
     if bad_line:
         found = f"{bad_count} numbers" if bad_count != columns else "text behind them"
         raise InputError(f"{path}, line {bad_line}: {columns} finite numbers ({row}) expected, "
@@ -35,12 +40,16 @@ def read_table(path: Path, columns: int, row: str) -> tuple[Array, NDArray[np.in
     return values, lines
 
 
-def write_table(path: Path, rows: Array, formats: list[str], header: str | None = None) -> None:
-    """Write ``(N, columns)`` numbers, one ``%`` format a column, after an optional comment line."""
-    line = " ".join(formats) + "\n"
+def write_table(path: Path, rows: Array, formats: list[str], header: str | None = None, *,
+                comma: bool = False) -> None:
+    """Write ``(N, columns)`` numbers, one ``%`` format a column, after an optional line that names them.
+
+    Columns are parted by spaces and the names are a comment; with `comma`, by commas, and they are none.
+    """
+    line = ("," if comma else " ").join(formats) + "\n"
     with atomic_write(path) as file:
         if header is not None:
-            file.write(f"# {header}\n")
+            file.write(f"{header}\n" if comma else f"# {header}\n")
         # Adding zero turns -0.0 into 0.0.
         file.write((line * len(rows)) % tuple((np.asarray(rows, dtype=np.float64) + 0.0).ravel().tolist()))
 

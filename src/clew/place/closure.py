@@ -42,6 +42,8 @@ class Closure:
         rms: residual along the normals, metres.
         contradiction: share of the source's points that lie in the target's free space.
         innovation: metres and radians between measured and predicted pose.
+        T_predicted: ``(3,)`` pose of the source seen from the target that was expected before the match; None where
+            nothing was.
     """
 
     source: int
@@ -55,3 +57,4 @@ class Closure:
     rms: float = 0.0
     contradiction: float = 0.0
     innovation: tuple[float, float] = (0.0, 0.0)
+    T_predicted: Array | None = None

@@ -69,7 +69,9 @@ def verify(
         alignment: how returns are weighted in the alignment.
     """
     thinned = merge_surfels(query, options.voxel)
-    closure = Closure(source, submap.keyframe, similarity, Verdict.NO_MATCH, T_predicted, np.zeros((3, 3)))
+    closure = Closure(
+        source, submap.keyframe, similarity, Verdict.NO_MATCH, T_predicted, np.zeros((3, 3)), T_predicted=T_predicted
+    )
     best = correlate(
         submap.pyramid, thinned.points, T_predicted, half_window, minimum_score=options.likelihood
     )

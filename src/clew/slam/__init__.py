@@ -2,5 +2,15 @@
 
 from clew.slam.config import ClosingOptions, RefinementOptions, SlamConfig, TrackingOptions
 from clew.slam.slam import Slam, Trajectory
+from clew.slam.viewer import NullViewer, Viewer
 
-__all__ = ["ClosingOptions", "RefinementOptions", "Slam", "SlamConfig", "TrackingOptions", "Trajectory"]
+__all__ = [
+    "ClosingOptions",
+    "NullViewer",
+    "RefinementOptions",
+    "Slam",
+    "SlamConfig",
+    "TrackingOptions",
+    "Trajectory",
+    "Viewer",
+]

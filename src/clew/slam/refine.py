@@ -70,9 +70,11 @@ def refine(
         keyframes: all keyframes.
         graph: odometry and closures; keys are the indices of the keyframes, values are where to begin. Left as it is.
         config: `SlamConfig.refinement` and `threads` are used.
-        progress: called with the rounds done and the most there can be.
+        progress: called with the rounds done, beginning with 0, and the most there can be.
     """
     options = config.refinement
+    if progress is not None:
+        progress(0, options.rounds)
     count = len(keyframes)
     clouds = join([index_cloud(keyframes[k].points) for k in range(count)])
     graph = graph.copy()

@@ -21,6 +21,7 @@ from clew.slam.loop_closing import LoopCloser
 from clew.slam.pose_graph import PoseGraph, chi2
 from clew.slam.refine import refine
 from clew.slam.tracking import TrackedScan, Tracker
+from clew.slam.viewer import GuardedViewer, NullViewer, Viewer
 
 Array = NDArray[np.float64]
 
@@ -44,7 +45,7 @@ class Trajectory:
 class Slam:
     """Takes odometry and scans as they come, and tells pose, trajectory, graph and map at any moment.
 
-    The world's frame is where the robot stood at the first scan.
+    The world's frame is where the robot stood at the first scan. ::
 
         slam = clew.Slam()
         for measurement in log.measurements():
@@ -55,9 +56,12 @@ class Slam:
     Args:
         config: all options; the defaults serve every log.
         use_odometry: whether to expect odometry; without it motion is predicted from the scans alone.
+        viewer: shows the run while it works (`clew.slam.Viewer`); one that fails is dropped and the run goes on.
     """
 
-    def __init__(self, config: SlamConfig | None = None, *, use_odometry: bool = True) -> None:
+    def __init__(
+        self, config: SlamConfig | None = None, *, use_odometry: bool = True, viewer: Viewer | None = None
+    ) -> None:
         self.config = config or SlamConfig()
         self._use_odometry = use_odometry
         self._odometry = OdometryBuffer()
@@ -69,6 +73,7 @@ class Slam:
         self._tracked: list[TrackedScan] = []
         self._T_odom_robot: list[Array] = []
         self._refined: FactorGraph | None = None
+        self._viewer: Viewer = NullViewer() if viewer is None else GuardedViewer(viewer)
 
     # --- measurements in --------------------------------------------------------------------------------------------
 
@@ -121,12 +126,14 @@ class Slam:
         if tracked.is_keyframe:
             self._pose_graph.add_keyframe(self._keyframes[tracked.keyframe])
             self._closer.attempt()
+        self._viewer.update(self)
         return self.pose
 
     def optimise(self) -> None:
         """Move all keyframes to where odometry and closures agree best, the latest closures included."""
         self._closer.settle()
         self._pose_graph.optimise()
+        self._viewer.moved(self)
 
     def refine(self, progress: Callable[[int, int], None] | None = None) -> None:
         """Optimise, and refine all keyframes jointly against all scans that they overlap with (`slam.refine`)."""
@@ -135,6 +142,7 @@ class Slam:
         self.optimise()
         self._refined = refine(self._keyframes, self._pose_graph.graph, self.config, progress)
         self._pose_graph.set_poses(np.asarray(self._refined.values(SE2).array))
+        self._viewer.moved(self)
 
     # --- answers out ------------------------------------------------------------------------------------------------
 
@@ -187,6 +195,16 @@ class Slam:
         if not len(stamps):
             return Trajectory(stamps, np.zeros((0, 3)))
         return Trajectory(stamps, self._pose_graph.poses)
+
+    @property
+    def last_scan(self) -> LaserScan | None:
+        """The scan that was taken last, or None before any."""
+        return self._scans[-1] if self._scans else None
+
+    @property
+    def keyframe_points(self) -> list[Array]:
+        """Returns ``(n, 2)`` of each keyframe's scan in the robot's frame, metres, in the order of the beams."""
+        return [self._keyframes[k].points.points for k in range(len(self._keyframes))]
 
     @property
     def graph(self) -> FactorGraph:

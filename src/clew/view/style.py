@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -37,6 +38,44 @@ LANDMARK = "#0b7285"
 OBSERVATION = "#66a9b5"
 UNCERTAINTY = "#7048e8"
 
+
+@dataclass(frozen=True)
+class Theme:
+    """The colours of a picture, by what they stand for; all of them are `#rrggbb`.
+
+    Each pair that has to be told apart differs in lightness too, so that it stays apart for colour-blind eyes
+    and in a grey print; `robots` are Okabe and Ito's (2008), which were chosen for that.
+    """
+
+    paper: str = PAPER
+    ink: str = INK
+    muted: str = MUTED
+    faint: str = "#d5d9e0"
+    unknown: str = UNKNOWN
+    free: str = FREE
+    occupied: str = OCCUPIED
+    trajectory: str = TRAJECTORY
+    odometry: str = ODOMETRY
+    closure: str = CLOSURE
+    rejected: str = REJECTED
+    landmark: str = LANDMARK
+    observation: str = OBSERVATION
+    uncertainty: str = UNCERTAINTY
+    robots: tuple[str, ...] = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#7a5c00", "#56b4e9")
+
+    def robot(self, number: int) -> str:
+        """The colour of one of several robots."""
+        return self.robots[number % len(self.robots)]
+
+
+LIGHT = Theme()
+DARK = Theme(
+    paper="#12151b", ink="#e8ebf0", muted="#9aa3b2", faint="#343a45", unknown="#2a2f38", free="#12151b",
+    occupied="#e8ebf0", trajectory="#63a8ff", odometry="#c99d7b", closure="#ff9248", rejected="#ff6f9f",
+    landmark="#5fd3e0", observation="#4b8d9a", uncertainty="#b49bff",
+    robots=("#56b4e9", "#ff9248", "#2fd0a0", "#e8a6cb", "#f0e442", "#8f9dff"),
+)  # fmt: skip
+
 LINE_HEIGHT = 30  # of a row of the legend, pixels
 MARGIN = 40  # around everything, pixels
 _BAR_LENGTHS = (1.0, 2.0, 5.0)
@@ -65,8 +104,9 @@ class _Pixels(Artist):
 class Sheet:
     """A picture of `width` x `height` pixels; everything is placed in pixels from its lower left corner."""
 
-    def __init__(self, width: int, height: int, background: str = PAPER) -> None:
-        self.width, self.height = width, height
+    def __init__(self, width: int, height: int, theme: Theme = LIGHT, background: str | None = None) -> None:
+        self.width, self.height, self.theme = width, height, theme
+        background = background or theme.paper
         self.figure = Figure(figsize=(width / DPI, height / DPI), dpi=DPI, facecolor=background)
         self._canvas: Any = FigureCanvasAgg(self.figure)  # matplotlib gives it no types
 
@@ -85,18 +125,18 @@ class Sheet:
         """An image ``(height, width, 3)`` pixel by pixel, below all lines; its row 0 is at the top."""
         self.figure.add_artist(_Pixels(pixels, left, bottom))
 
-    def text(self, x: float, y: float, text: str, points: float, *, color: str = INK, bold: bool = False,
+    def text(self, x: float, y: float, text: str, points: float, *, color: str | None = None, bold: bool = False,
              align: str = "left") -> None:
-        """One line of text on its baseline."""
+        """One line of text on its baseline; in the theme's ink unless a colour is given."""
         self.figure.text(x / self.width, y / self.height, text, fontproperties=font(points, bold),
-                         color=color, ha=align, va="baseline", parse_math=False)
+                         color=color or self.theme.ink, ha=align, va="baseline", parse_math=False)
 
     def scale_bar(self, right: float, y: float, pixels_per_metre: float, longest: float) -> None:
         """A bar of a round length of at most `longest` pixels that ends at `right`, its length above it."""
         metres = round_length(longest / pixels_per_metre)
         width, height = metres * pixels_per_metre, 5
-        self._rectangle(right - width, y, width, height, INK, zorder=1)
-        self.text(right - width / 2, y + 12, format_metres(metres), 8.5, color=INK, align="center")
+        self._rectangle(right - width, y, width, height, self.theme.ink, zorder=1)
+        self.text(right - width / 2, y + 12, format_metres(metres), 8.5, align="center")
 
     def legend(self, handles: Sequence[Line2D], left: int, top: int, columns: int) -> None:
         """What the lines and markers mean, in columns below `top`."""
@@ -105,7 +145,7 @@ class Sheet:
             ncols=columns, frameon=False, prop=font(9), borderpad=0.0, borderaxespad=0.0, handlelength=2.4,
             handletextpad=0.7, columnspacing=2.2, labelspacing=0.55)
         for label in box.get_texts():
-            label.set_color(INK)
+            label.set_color(self.theme.ink)
 
     def _rectangle(
         self, left: float, bottom: float, width: float, height: float, color: str, zorder: int
@@ -121,8 +161,17 @@ class Sheet:
 
     def save(self, path: Path) -> None:
         """Write the picture as PNG; the bytes depend on nothing but what was drawn."""
-        with atomic_write_binary(path) as file:
-            self._canvas.print_png(file, metadata={"Software": None})
+        save_figure(self.figure, path)
+
+
+def save_figure(figure: Figure, path: str | Path) -> None:
+    """Write a figure as PNG, in its own size and colours; the bytes depend on nothing but what was drawn.
+
+    Raises:
+        InputError: the file cannot be written.
+    """
+    with atomic_write_binary(Path(path)) as file:
+        FigureCanvasAgg(figure).print_png(file, metadata={"Software": None})  # type: ignore[no-untyped-call]
 
 
 def counted(number: int, noun: str) -> str:
