@@ -25,7 +25,7 @@ from typing import TypeVar
 sys.path.insert(0, str(Path(__file__).parent))
 
 from backend_memory import memory
-from backend_peers import PEERS, Refused, Run, marginals_clew, marginals_gtsam, repeat, run_clew
+from backend_peers import PEERS, Refused, Run, marginals_clew, marginals_gtsam, repeat, run_clew, run_custom
 from backend_worlds import scaling
 
 Result = TypeVar("Result")
@@ -65,6 +65,7 @@ def iterations(options: argparse.Namespace, folder: Path) -> None:
           f"iterations from clew's rotation guess, fastest of {options.repeats}), and chi2 at the end.\n")
     header: list[str] | None = None
     ratios: dict[str, list[float]] = {}
+    custom = ""
     for name in options.graphs:
         source = options.data / GRAPHS[name] / f"{name}.g2o"
         if not source.exists():
@@ -89,6 +90,14 @@ def iterations(options: argparse.Namespace, folder: Path) -> None:
             header = ["graph", *(cell for program in programs for cell in (f"{program}, ms", "chi2"))]
             print("| " + " | ".join(header) + " |\n|" + " --- |" * len(header))
         print("| " + " | ".join(cells) + " |", flush=True)
+        if name == "manhattan":
+            python = fastest(run_custom, files["radians"], solid, options)
+            assert isinstance(python, Run)
+            custom = ("\nmanhattan with the between factor written in NumPy: "
+                      f"{1e3 * python.seconds_per_iteration:.2f} ms, "
+                      f"{python.seconds_per_iteration / own.seconds_per_iteration:.1f}x, chi2 {python.chi2:.7g}.")
+    if custom:
+        print(custom)
     for peer, values in ratios.items():
         mean = math.exp(sum(map(math.log, values)) / len(values))
         print(f"\n{peer}: geometric mean {mean:.1f} times clew's time over {len(values)} graphs.")
