@@ -75,6 +75,8 @@ def file_kind(path: str | PathLike[str]) -> FileKind:
     if _CSV_HEADER.match(data):
         return FileKind.CSV
     kind = _table_kind(data)
+    if kind is None and path.suffix == ".dat" and is_mrclam(path.parent):
+        raise InputError(f"{path}: is one file of an MRCLAM folder; give the folder {path.parent}")
     if kind is None:
         raise InputError(f"{path}: is of no kind that clew reads; {ADVICE}")
     return kind
