@@ -143,4 +143,4 @@ def _report(summary: dict[str, object], out: Path, console: Console) -> None:
     assert isinstance(skipped, dict)
     if skipped:
         console.print("left out: " + ", ".join(f"{n} {reason}" for reason, n in skipped.items()), highlight=False)
-    console.print(f"look at {out / 'report.html'}; everything else is beside it", highlight=False)
+    console.print(f"look at {out / 'report.html'} (clew view {out}); the rest is beside it", highlight=False)
