@@ -34,7 +34,7 @@ def page(browser: Browser, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The report of a short simulated run that closes loops."""
     folder = tmp_path_factory.mktemp("run")
     log = simulate_demo(1, duration=LASTS)
-    result = map_log(log, JobOptions(folder, "a <b>short</b> run", quiet=True), Console(quiet=True),
+    result = map_log(log, JobOptions(folder, "a <b>short</b> run"), Console(quiet=True),
                      health=lambda: log_health(log))
     assert result.slam.closures
     return folder / "report.html"

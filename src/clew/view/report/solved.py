@@ -3,18 +3,21 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from clew.fleet import MergedFleet
 from clew.geometry import se2
 from clew.noise import Kernel
-from clew.slam.landmarks import LandmarkMap
 from clew.solve import Solution, optimize
 from clew.view.report.content import Note, Path, Report
 from clew.view.report.graph import CHI2_95, GraphView, view_graph
 from clew.view.report.words import counted, duration, listed, metres, number
+
+if TYPE_CHECKING:  # a solve alone shall not load the pipelines
+    from clew.fleet import MergedFleet
+    from clew.slam.landmarks import LandmarkMap
 
 Array = NDArray[np.float64]
 

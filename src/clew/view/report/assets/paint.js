@@ -200,10 +200,15 @@ class Layers {
       const place = (octave * 4096 + Math.floor(x / cell)) * 4096 + Math.floor(y / cell);
       if (taken.has(place)) return;
       taken.add(place);
-      context.beginPath();
+      context.moveTo(x + major * k * Math.cos(angle), y - major * k * Math.sin(angle));
       context.ellipse(x, y, major * k, Math.max(minor * k, 0.3), -angle, 0, 2 * Math.PI);
-      context.stroke();
+      if (++drawn % 50 === 0) {
+        context.stroke();
+        context.beginPath();
+      }
     };
+    let drawn = 0;
+    context.beginPath();
     if (scene.covariance) {
       const last = after(this.born, until);
       for (let n = 0; n < last; n++) {
@@ -218,6 +223,7 @@ class Layers {
       const x = camera.toScreenX(projection.u[scene.count + m]), y = camera.toScreenY(projection.v[scene.count + m]);
       one(x, y, [marks[3 * m], marks[3 * m + 1], 0, marks[3 * m + 2], 0, 0], 8);
     }
+    context.stroke();
   }
 
   draw(context, camera, until) {
