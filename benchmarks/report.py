@@ -6,8 +6,8 @@
 
 Needs selenium, Chromium and chromedriver. Times are those of the page itself, in milliseconds: the first picture counts
 from the start of the navigation (`performance.now()` when the map, its grid included, has been drawn); frames are the
-intervals between animation frames while the mouse drags the map around, while the wheel zooms in and out, and during the
-replay.
+intervals between animation frames while the mouse drags the map around, while the wheel zooms in and out, and in
+the replay.
 """
 
 from __future__ import annotations
