@@ -22,6 +22,7 @@ from clew.slam.pose_graph import PoseGraph, chi2
 from clew.slam.refine import refine
 from clew.slam.tracking import TrackedScan, Tracker
 from clew.slam.viewer import GuardedViewer, NullViewer, Viewer
+from clew.solve import Solution, optimize
 
 Array = NDArray[np.float64]
 
@@ -210,6 +211,10 @@ class Slam:
     def graph(self) -> FactorGraph:
         """The graph of keyframes: odometry and loop edges at the present poses."""
         return self._pose_graph.graph if self._refined is None else self._refined
+
+    def solution(self) -> Solution:
+        """`graph` with the Gaussian around the present poses: covariances, and what the measurements leave open."""
+        return optimize(self.graph, init="file", max_iterations=0)
 
     @property
     def chi2(self) -> float:

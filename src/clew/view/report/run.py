@@ -13,9 +13,9 @@ from clew.io import LogHealth, StreamHealth
 from clew.mapping import OccupancyGrid
 from clew.place import Closure, Verdict
 from clew.slam import Slam, Trajectory
-from clew.solve import optimize
 from clew.view.report.content import Chart, Focus, Note, Path, Report, Scene, Section, Table
-from clew.view.report.graph import GraphView, moment, view_graph
+from clew.view.report.graph import GraphView, view_graph
+from clew.view.report.graph_notes import moment
 from clew.view.report.words import capital, counted, degrees, duration, listed, metres
 
 Array = NDArray[np.float64]
@@ -41,8 +41,7 @@ def report_of_run(
         truth: true poses at the times of the trajectory, in its frame, where they are known.
     """
     keyframes, trajectory, odometry = slam.keyframes, slam.trajectory, slam.odometry
-    solution = optimize(slam.graph, init="file", max_iterations=0)  # the Gaussian around the poses as they are
-    graph = view_graph(solution, times=keyframes.timestamps, robots=("robot",))
+    graph = view_graph(slam.solution(), times=keyframes.timestamps, robots=("robot",))
     paths = [Path("trajectory", "trajectory", 0, trajectory.timestamps, trajectory.T_world_robot)]
     if len(odometry):
         paths.append(Path("odometry alone", "odometry", 0, odometry.timestamps, odometry.T_world_robot))
