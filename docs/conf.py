@@ -14,7 +14,7 @@ author = "the clew developers"
 copyright = author
 release = version = clew.__version__
 
-extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon", "mathml", "drawing"]
+extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon", "mathml", "drawing", "offline"]
 exclude_patterns = ["_build", "_ext", "drawings"]
 source_suffix = {".md": "markdown"}
 myst_enable_extensions = ["dollarmath", "deflist"]
@@ -26,9 +26,14 @@ pygments_style, pygments_dark_style = "friendly", "monokai"
 autodoc_default_options = {"members": True, "member-order": "bysource"}
 autodoc_typehints = "signature"
 autodoc_preserve_defaults = True
+autodoc_type_aliases = {
+    name: name for name in ("Array", "Floats", "Index", "Indices", "Ints", "Keys", "Names", "Pairs")
+}
 autodoc_class_signature = "mixed"
 napoleon_google_docstring, napoleon_numpy_docstring = True, False
 napoleon_use_ivar = True
+
+suppress_warnings = ["ref.python"]  # a word in a docstring that is the name of two attributes
 
 html_theme = "furo"
 html_title = f"clew {version}"

@@ -8,6 +8,7 @@ run the same code.
 from __future__ import annotations
 
 import contextlib
+import io
 import os
 import re
 import shlex
@@ -69,15 +70,17 @@ def lessons(docs: Path = DOCS) -> list[list[Path]]:
     return [*alone, *([page for page in pages if page.parent == folder] for folder in folders)]
 
 
-def run(pages: list[Path], work: Path, drawings: Path) -> list[str]:
+def run(pages: list[Path], work: Path, drawings: Path) -> dict[Path, list[str]]:
     """Run the code of pages that go on from each other, in a folder for the files that it leaves.
 
+    Each figure is left in `drawings` as ``NAME-light.png`` and ``NAME-dark.png``.
+
     Returns:
-        Names of the figures that were drawn; each is in `drawings` as ``NAME-light.png`` and ``NAME-dark.png``.
+        What each page's blocks marked ``python`` printed, in their order.
     """
     from clew.view import DARK, LIGHT, save_figure
 
-    names = []
+    printed: dict[Path, list[str]] = {page: [] for page in pages}
     space: dict[str, Any] = {"__name__": "__lesson__"}
     drawings = drawings.resolve()
     drawings.mkdir(parents=True, exist_ok=True)
@@ -88,7 +91,9 @@ def run(pages: list[Path], work: Path, drawings: Path) -> list[str]:
                     continue
                 code = compile("\n" * block.line + block.code, str(page), "exec")
                 if block.is_python:
-                    exec(code, space)  # the pages are ours
+                    with contextlib.redirect_stdout(io.StringIO()) as out:
+                        exec(code, space)  # the pages are ours
+                    printed[page].append(out.getvalue())
                     continue
                 for name, theme in (("light", LIGHT), ("dark", DARK)):
                     path = drawings / f"{block.drawing}-{name}.png"
@@ -96,8 +101,7 @@ def run(pages: list[Path], work: Path, drawings: Path) -> list[str]:
                     exec(code, space | {"theme": theme, "path": path}, drawn := {})
                     if not path.exists():
                         save_figure(drawn["figure"], path)
-                names.append(str(block.drawing))
-    return names
+    return printed
 
 
 def commands(page: Path) -> Iterator[tuple[int, list[str]]]:

@@ -41,6 +41,7 @@ def words(figure: Figure) -> str:
         legend = axes.get_legend()
         found += [text.get_text() for text in legend.get_texts()] if legend else []
         found += [text.get_text() for text in axes.get_xticklabels()]
+    found += [text.get_text() for legend in figure.legends for text in legend.get_texts()]
     return "\n".join(found)
 
 
@@ -109,8 +110,8 @@ def test_residuals_and_weights_are_drawn_role_by_role() -> None:
     weights = [values for n in range(len(lower.lines)) for values in line(lower, n)[1]]
     assert pytest.approx(0.1) in weights
     text = words(figure)
-    assert "loop: 100.0 % above the line" in text
-    assert "odometry: 0.0 % above the line" in text
+    assert "1 loop, 100.0 % above" in text
+    assert "2 odometry, 0.0 % above" in text
     assert "loop (1)" in text
 
 

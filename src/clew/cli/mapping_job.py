@@ -101,11 +101,11 @@ def map_log(
             slam.refine(progress.refining)
         else:
             slam.optimise()
-        progress.writing()
+        progress.mapped(0, slam.scan_count)
         viewer.stage("writing")
         estimated = time.perf_counter() - begun
         _log.info("the estimate stands after %.2f s; writing to %s", estimated, options.out)
-        grid = write_outputs(slam, options.out, options.title)
+        grid = write_outputs(slam, options.out, options.title, progress.mapped)
         skipped = dict(sorted((log.report.skipped + left_out).items()))
         write_report(options.out / "report.html", report_of_run(
             slam, grid, options.title, health=None if health is None else health(), skipped=skipped,

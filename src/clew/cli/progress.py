@@ -108,7 +108,7 @@ class Stages:
 
 
 class JobProgress:
-    """Stages of a mapping job: scans, refinement, writing."""
+    """Stages of a mapping job: scans, refinement, map, files."""
 
     def __init__(self, stages: Stages, scans: int) -> None:
         self._stages = stages
@@ -133,9 +133,13 @@ class JobProgress:
             self._stages.begin("refining", most, "rounds at most")
         self._stages.show(done)
 
-    def writing(self) -> None:
-        """The estimate stands; files are being written."""
-        self._stages.begin("writing", note="map and pictures")
+    def mapped(self, done: int, most: int) -> None:
+        """Scans that are in the map; 0 when the estimate stands, and with the last one the files are written."""
+        if done == 0:
+            self._stages.begin("map", most, "scans at their last poses")
+        self._stages.show(done)
+        if done == most:
+            self._stages.begin("writing", note="files, pictures, report")
 
 
 @contextmanager

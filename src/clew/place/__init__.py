@@ -12,6 +12,7 @@ from clew.place.association import (
 from clew.place.closure import Closure, Verdict
 from clew.place.consistency import ConsistencyOptions, agree
 from clew.place.descriptor import describe, similarity
+from clew.place.joining import JoinOptions, join_landmarks, landmark_density
 from clew.place.submap import Submap, build_submap, surfels_of
 from clew.place.verify import VerificationOptions, verify
 
@@ -21,6 +22,7 @@ __all__ = [
     "Closure",
     "ConsistencyOptions",
     "Gates",
+    "JoinOptions",
     "Submap",
     "Verdict",
     "VerificationOptions",
@@ -29,7 +31,9 @@ __all__ = [
     "chi_square_limit",
     "compatibility",
     "describe",
+    "join_landmarks",
     "joint_compatibility",
+    "landmark_density",
     "nearest_neighbour",
     "similarity",
     "surfels_of",

@@ -46,7 +46,7 @@ class Trajectory:
 class Slam:
     """Takes odometry and scans as they come, and tells pose, trajectory, graph and map at any moment.
 
-    The world's frame is where the robot stood at the first scan.
+    The world's frame is where the robot stood at the first scan. ::
 
         slam = clew.Slam()
         for measurement in log.measurements():

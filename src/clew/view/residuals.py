@@ -10,12 +10,13 @@ from scipy.stats import chi2
 
 from clew.evaluate import ROLES, FactorResiduals
 from clew.graph import Role
-from clew.view.chart import chart, describe, heading, key_to
+from clew.view.chart import chart, describe, heading, key_above
 from clew.view.style import LIGHT, Theme, font
 
 Index = NDArray[np.int64]
 
 _SMALLEST = 1e-6  # squared residuals below are drawn here, for the axis is logarithmic
+_NARROW = 0.05  # share of the axis below which a role has no room for its name
 _EXPECTED = 0.99  # share of the factors below the dashed line, were the noise as stated
 
 
@@ -55,9 +56,9 @@ def residuals_figure(
         upper.plot(x, line, color=theme.ink, linewidth=1.0, dashes=(4.0, 2.5))
         above = 100.0 * float((squared > line).mean())
         ticks.append(start + rows.size / 2)
-        labels.append(f"{role.value} ({rows.size:,})")
+        labels.append(f"{role.value} ({rows.size:,})" if rows.size > _NARROW * len(residuals) else "")
         handles.append(Line2D([], [], linestyle="none", marker="o", markersize=5, color=colours[role],
-                              markeredgewidth=0.0, label=f"{role.value}: {above:.1f} % above the line"))
+                              markeredgewidth=0.0, label=f"{rows.size:,} {role.value}, {above:.1f} % above"))
         start += rows.size
         for axes in grid:
             axes.axvline(start, color=theme.faint, linewidth=1.0)
@@ -74,7 +75,7 @@ def residuals_figure(
     for label in lower.get_xticklabels():
         label.set_fontproperties(font(9))
     handles.append(Line2D([], [], color=theme.ink, linewidth=1.0, dashes=(4.0, 2.5),
-                          label="1 % above, if the noise is as stated"))
-    key_to(upper, handles, theme, "lower right")
+                          label="1 % above if the noise is as stated"))
+    key_above(figure, handles, theme)
     heading(figure, title, theme)
     return figure
