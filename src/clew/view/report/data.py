@@ -51,6 +51,7 @@ def scene_data(scene: Scene) -> dict[str, object]:
 
 def _centre(scene: Scene) -> Array:
     points = np.concatenate([scene.positions, scene.landmarks.positions.reshape(-1, scene.dim)])
+    points = points[np.isfinite(points).all(axis=1)]
     return np.round(points.mean(axis=0)) if len(points) else np.zeros(scene.dim)
 
 
