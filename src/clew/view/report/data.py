@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from clew.place import Closure
 from clew.view.report.content import Landmarks, Path, Scene
 from clew.view.report.encode import pack, pack_grid, pack_scans
+
+if TYPE_CHECKING:
+    from clew.place import Closure
 
 Array = NDArray[np.float64]
 
