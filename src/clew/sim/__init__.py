@@ -1,5 +1,6 @@
 """Simulated worlds, robots and sensors with known truth."""
 
+from clew.sim.campus import campus
 from clew.sim.carmen import write_carmen
 from clew.sim.demo import KINDS, simulate_demo, simulate_kind
 from clew.sim.drive import Drive, DriveModel, drive
@@ -14,7 +15,7 @@ from clew.sim.landmarks import (
 )
 from clew.sim.landmarks_fleet import FleetModel, MeetingModel, Meetings, RobotRun, simulate_fleet, step_covariances
 from clew.sim.laser import LaserModel, cast_rays
-from clew.sim.layouts import hall, long_corridor, loop
+from clew.sim.layouts import hall, identical_doors, long_corridor, loop
 from clew.sim.log import SimulatedLog, SimulationReport, simulate
 from clew.sim.odometry import OdometryModel
 from clew.sim.office import office_building
@@ -39,9 +40,11 @@ __all__ = [
     "SimulatedLog",
     "SimulationReport",
     "World",
+    "campus",
     "cast_rays",
     "drive",
     "hall",
+    "identical_doors",
     "landmark_field",
     "long_corridor",
     "loop",

@@ -84,7 +84,8 @@ def misfits(residuals: FactorResiduals, place: Index, scene: Scene) -> list[Note
     return notes
 
 
-NOUNS = {Role.LOOP: "loop edge", Role.OBSERVATION: "sighting", Role.ODOMETRY: "odometry edge", Role.PRIOR: "prior"}
+NOUNS = {Role.LOOP: "loop edge", Role.OBSERVATION: "sighting", Role.ODOMETRY: "odometry edge", Role.PRIOR: "prior",
+         Role.MARGINAL: "summarised edge"}
 
 
 def edge_focus(place: Index, row: int) -> Focus | None:
