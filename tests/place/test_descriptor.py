@@ -112,3 +112,17 @@ def test_the_index_finds_what_comparing_with_each_finds() -> None:
     np.testing.assert_allclose(index.similarities(places[[5, 2]], asked), table[[5, 2]] @ asked, atol=1e-6)
     assert index.similarities(np.zeros(0, np.int64), asked).shape == (0,)
     assert len(DescriptorIndex(RingSpectra()).search(asked, 3)[0]) == 0
+
+
+def test_the_index_forgets_places_and_takes_others_in_their_rows() -> None:
+    rng = np.random.default_rng(2)
+    table = np.abs(rng.normal(size=(30, 5)))
+    index = DescriptorIndex(RingSpectra())
+    index.add(range(20), table[:20])
+    index.remove([0, 19, 7, 8])
+    assert len(index) == 16
+    assert 7 not in index
+    index.add(range(20, 30), table[20:])
+    left = np.array([k for k in range(30) if k not in (0, 7, 8, 19)])
+    np.testing.assert_allclose(index.similarities(left, table[3]), table[left] @ table[3], rtol=1e-6)
+    assert set(index.search(table[3], 100)[0].tolist()) == set(left.tolist())

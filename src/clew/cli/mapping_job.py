@@ -116,6 +116,10 @@ def map_log(
     summary: dict[str, object] = {
         "scans": slam.scan_count,
         "keyframes": len(slam.keyframes),
+        "pruned": {
+            "keyframes": slam.pruned.keyframes,
+            "information_loss_nats": round(slam.pruned.information_loss_nats, 3),
+        },
         "closures_accepted": len(slam.closures),
         "closures_rejected": sum(c.verdict is not Verdict.REDUNDANT for c in slam.rejected_closures),
         "log_seconds": round(log_seconds, 3),

@@ -168,6 +168,15 @@ class DescriptorIndex:
         self._table[count:grown] = descriptors
         self._rows.update({int(place): count + i for i, place in enumerate(places)})
 
+    def remove(self, places: Sequence[int]) -> None:
+        """Forget places; the last ones move into their rows, so that the table stays as small as it can be."""
+        for place in places:
+            row = self._rows.pop(int(place))
+            last = len(self._rows)
+            if row != last:
+                self._table[row] = self._table[last]
+                self._rows[next(other for other, r in reversed(self._rows.items()) if r == last)] = row
+
     def similarities(self, places: NDArray[np.int64], descriptor: Array) -> Array:
         """Likeness ``(N,)`` in [0, 1] of known places with a descriptor ``(d,)``."""
         rows = np.array([self._rows[int(place)] for place in places], dtype=np.int64)

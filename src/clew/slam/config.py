@@ -63,7 +63,8 @@ class ClosingOptions:
 
     Attributes:
         path: metres driven since the older keyframe before it can be closed with.
-        every: metres driven between two attempts.
+        every: metres driven between two attempts,
+        every_known: and where the place is covered by enough keyframes (`PruningOptions.cover`).
         anchor_every: one keyframe in so many carries a submap.
         submap_keyframes: keyframes on each side of the anchor in its submap.
         query_keyframes: recent keyframes that make the query.
@@ -93,6 +94,7 @@ class ClosingOptions:
 
     path: float = 12.0
     every: float = 0.8
+    every_known: float = 2.4
     anchor_every: int = 4
     submap_keyframes: int = 8
     query_keyframes: int = 8
@@ -139,11 +141,44 @@ class RefinementOptions:
 
 
 @dataclass(frozen=True)
+class PruningOptions:
+    """Which keyframes are redundant (`clew.slam.pruning`).
+
+    Attributes:
+        enabled: whether any are taken out.
+        radius, angle: keyframes that stand closer together and face the same way look at one place, metres and radians.
+        cover: so many of them cover it.
+        path: metres driven since a keyframe before it is looked at,
+        recent: and so many keyframes taken since.
+        batch: so many are looked at together.
+        candidates: how many are tried for each that comes of age.
+        overlap: share of its returns that a redundant keyframe shares with its neighbours,
+        movement: and how far it may lie from where its returns put it, metres.
+        most_loss: information that may be lost with one keyframe, nats.
+        scans: scans that are kept of one keyframe for the map.
+    """
+
+    enabled: bool = True
+    radius: float = 1.0
+    angle: float = 0.8
+    cover: int = 8
+    path: float = 20.0
+    recent: int = 40
+    batch: int = 8
+    candidates: int = 3
+    overlap: float = 0.6
+    movement: float = 0.1
+    most_loss: float = 10.0
+    scans: int = 64
+
+
+@dataclass(frozen=True)
 class SlamConfig:
     """All that can be set; the defaults are meant for every log.
 
     Attributes:
-        cleaning, odometry, tracking, closing, verification, consistency, refinement: the parts of the pipeline.
+        cleaning, odometry, tracking, closing, verification, consistency, pruning, refinement: the parts of the
+            pipeline.
         alignment: how returns are weighted wherever scans are aligned; closing and refining seek partners within
             radii of their own.
         map_resolution: side of a cell of the map, metres.
@@ -157,6 +192,7 @@ class SlamConfig:
     closing: ClosingOptions = field(default_factory=ClosingOptions)
     verification: VerificationOptions = field(default_factory=VerificationOptions)
     consistency: ConsistencyOptions = field(default_factory=ConsistencyOptions)
+    pruning: PruningOptions = field(default_factory=PruningOptions)
     refinement: RefinementOptions = field(default_factory=RefinementOptions)
     map_resolution: float = 0.05
     threads: int = 2

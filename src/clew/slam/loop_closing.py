@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from clew.geometry import se2
 from clew.place import Closure, Verdict, agree, look_back, verify
+from clew.slam.closure_log import ClosureLog
 from clew.slam.config import SlamConfig
 from clew.slam.keyframes import KeyframeStore
 from clew.slam.loop_candidates import Candidate, find_candidates
@@ -44,30 +45,57 @@ class LoopCloser:
         self._config = config
         self._places = Places(keyframes, config)
         self._accepted: list[_Accepted] = []
+        self._past = ClosureLog()  # believed, and taken into the graph for good: a keyframe of theirs was pruned
         self._waiting: list[Closure] = []
-        self._rejected: list[Closure] = []
+        self._rejected = ClosureLog()
         self._open: deque[int] = deque(maxlen=config.closing.open_sources)
         self._last_attempt = -np.inf
         self._pending = 0  # closures since the last optimisation
 
     @property
     def accepted(self) -> list[Closure]:
-        """Closures that the graph holds."""
-        return [a.closure for a in self._accepted]
+        """Closures that are believed."""
+        return [*self._past, *(a.closure for a in self._accepted)]
+
+    @property
+    def accepted_count(self) -> int:
+        """How many closures are believed."""
+        return len(self._past) + len(self._accepted)
 
     @property
     def rejected(self) -> list[Closure]:
         """Candidates that were turned down, with the reason; those that still wait are among them."""
-        return self._rejected + self._waiting
+        return [*self._rejected, *self._waiting]
 
-    def attempt(self) -> bool:
+    @property
+    def needed(self) -> set[int]:
+        """Keyframes of closures that still wait, and those that are to be tried again."""
+        return {k for w in self._waiting for k in (w.source, w.target)}.union(self._open)
+
+    def forget(self, keyframes: list[int]) -> None:
+        """Keyframes have been pruned: what their closures said is in the graph for good."""
+        gone = set(keyframes)
+        self._places.forget(keyframes)
+        ended = [a for a in self._accepted if a.closure.source in gone or a.closure.target in gone]
+        if ended:
+            self._past.add(a.closure for a in ended)
+            over = {id(a) for a in ended}
+            self._accepted = [a for a in self._accepted if id(a) not in over]
+
+    def attempt(self, known: bool = False) -> bool:
         """Look for closures of the newest keyframe; whether keyframes have moved.
 
         Closures that change next to nothing are optimised a few at a time (`settle`).
+
+        Args:
+            known: the place has been seen often: one more closure says little, so that attempts are rarer.
         """
         source = len(self._keyframes) - 1
         path = self._keyframes[source].path
-        if path - self._last_attempt < self._config.closing.every or not len(self._places.anchors_before(source)):
+        options = self._config.closing
+        if path - self._last_attempt < (options.every_known if known else options.every):
+            return False
+        if not len(self._places.anchors_before(source)):
             return False
         self._last_attempt = path
         proposals = self._propose(source)
@@ -118,16 +146,14 @@ class LoopCloser:
         what is equal in all directions does not, since the match itself knows it. Odometry is trusted no more than in
         the prediction (`ClosingOptions.caution`).
         """
-        keyframes, options = self._keyframes, self._config.closing
-        half = options.submap_keyframes // 2
+        half = self._config.closing.submap_keyframes // 2
         total = np.zeros((2, 2))
         for keyframe, last in ((closure.source, closure.source), (closure.target, closure.target + half)):
-            for k in range(max(last - half, 0) + 1, last + 1):
-                step = np.linalg.inv(keyframes[k].information)[:2, :2]
-                turn = se2.matrix(se2.between(keyframes[keyframe].T_local_robot, keyframes[k].T_local_robot))[:2, :2]
-                if keyframe == closure.target:
-                    turn = se2.matrix(se2.inverse(closure.T_target_source))[:2, :2] @ turn
-                total += turn @ step @ turn.T
+            way = np.arange(max(last - half, 0) + 1, last + 1)
+            turns = se2.matrix(self._keyframes.relative(keyframe, way))[:, :2, :2]
+            if keyframe == closure.target:
+                turns = se2.matrix(se2.inverse(closure.T_target_source))[:2, :2] @ turns
+            total += (turns @ self._keyframes.step_covariances(way) @ turns.transpose(0, 2, 1)).sum(axis=0)
         out = np.zeros((3, 3))
         total *= options.caution
         out[:2, :2] = total - np.linalg.eigvalsh(total)[0] * np.eye(2)
@@ -146,7 +172,7 @@ class LoopCloser:
             accepted = len(self._accepted)
             if any(p.is_certain or p.is_partial for p in proposals):
                 self._waiting = [w for w in self._waiting if w.source != source]
-                self._rejected = [r for r in self._rejected if r.source != source]
+                self._rejected.forget(source)
                 self._decide(proposals)
                 self.settle()
             if len(self._accepted) > accepted:
@@ -168,12 +194,12 @@ class LoopCloser:
     def _decide(self, proposals: list[Closure]) -> bool:
         """Confirm what has support, keep waiting what may still get it; whether keyframes have moved."""
         candidates = [p for p in proposals if p.verdict is Verdict.WAITING]
-        self._rejected += [p for p in proposals if p.verdict is not Verdict.WAITING]
+        self._rejected.add(p for p in proposals if p.verdict is not Verdict.WAITING)
         if not candidates:
             return False
         best = max(candidates, key=lambda c: (not c.is_partial, c.likelihood * c.overlap))
         if any(not self._agree(best, rival) for rival in self._rivals(best, proposals)):
-            self._rejected += [replace(c, verdict=Verdict.AMBIGUOUS) for c in candidates]
+            self._rejected.add(replace(c, verdict=Verdict.AMBIGUOUS) for c in candidates)
             return False
         supporters = [] if self._is_tracked(best) else self._supporters(best)
         if supporters is None:
@@ -181,7 +207,7 @@ class LoopCloser:
             return False
         for closure in [best, *supporters]:
             self._accept(replace(closure, supporters=len(supporters)))
-        self._rejected += [replace(c, verdict=Verdict.REDUNDANT) for c in candidates if c is not best]
+        self._rejected.add(replace(c, verdict=Verdict.REDUNDANT) for c in candidates if c is not best)
         taken = {id(closure) for closure in supporters}
         self._waiting = [w for w in self._waiting if id(w) not in taken]
         self._pending += 1
@@ -205,8 +231,8 @@ class LoopCloser:
         agreeing = [w for w in self._waiting if w.source != best.source and self._agree(best, w)]
         chosen = [best]
         for closure in sorted(agreeing, key=lambda w: w.likelihood * w.overlap, reverse=True):
-            path = self._keyframes[closure.source].path
-            if all(abs(path - self._keyframes[c.source].path) >= options.support_apart for c in chosen):
+            path = self._keyframes.paths[closure.source]
+            if all(abs(path - self._keyframes.paths[c.source]) >= options.support_apart for c in chosen):
                 chosen.append(closure)
         return chosen[1:] if len(chosen) > options.supporters else None
 
@@ -223,21 +249,19 @@ class LoopCloser:
         return known and bool(self._accepted) and closure.innovation[0] < distance and closure.innovation[1] < angle
 
     def _agree(self, a: Closure, b: Closure) -> bool:
-        keyframes = self._keyframes
-        path = abs(keyframes[a.source].path - keyframes[b.source].path) + abs(
-            keyframes[a.target].path - keyframes[b.target].path
-        )
-        T_source = se2.between(keyframes[a.source].T_local_robot, keyframes[b.source].T_local_robot)
+        paths = self._keyframes.paths
+        path = abs(paths[a.source] - paths[b.source]) + abs(paths[a.target] - paths[b.target])
+        T_source = self._keyframes.relative(a.source, np.array([b.source]))[0]
         poses = self._graph.poses
         T_target = se2.between(poses[a.target], poses[b.target])
         return agree(a, b, T_source, T_target, path, self._config.consistency)
 
     def _expire(self) -> None:
         """Turn down what has waited in vain."""
-        path = self._keyframes[len(self._keyframes) - 1].path - self._config.closing.support_path
-        old = [w for w in self._waiting if self._keyframes[w.source].path < path]
-        self._rejected += [replace(w, verdict=Verdict.ALONE) for w in old]
-        self._waiting = [w for w in self._waiting if self._keyframes[w.source].path >= path]
+        paths = self._keyframes.paths
+        path = paths[-1] - self._config.closing.support_path
+        self._rejected.add(replace(w, verdict=Verdict.ALONE) for w in self._waiting if paths[w.source] < path)
+        self._waiting = [w for w in self._waiting if paths[w.source] >= path]
 
     def _accept(self, closure: Closure) -> None:
         closure = replace(closure, verdict=Verdict.CONFIRMED)
@@ -259,6 +283,6 @@ class LoopCloser:
             return
         for accepted in (self._accepted[i] for i in np.flatnonzero(contradicted)):
             self._graph.remove(accepted.factor)
-            self._rejected.append(replace(accepted.closure, verdict=Verdict.WITHDRAWN))
+            self._rejected.add([replace(accepted.closure, verdict=Verdict.WITHDRAWN)])
         self._accepted = [self._accepted[i] for i in np.flatnonzero(~contradicted)]
         self._graph.optimise()

@@ -47,7 +47,7 @@ class Places:
 
     def query(self, source: int) -> Query:
         """What the robot saw on its way to a keyframe."""
-        members = np.arange(max(0, source + 1 - self._options.query_keyframes), source + 1)
+        members = self._keyframes.between(source + 1 - self._options.query_keyframes, source + 1)
         surfels = self._keyframes.surfels(source, members, QUERY_VOXEL)
         return Query(source, members, surfels, self._descriptor.describe([surfels])[0])
 
@@ -56,7 +56,9 @@ class Places:
         paths = self._keyframes.paths
         far = int(np.searchsorted(paths, paths[source] - self._options.path))
         last = min(source - self._options.submap_keyframes, far)
-        return np.arange(0, max(last, 0), self._options.anchor_every, dtype=np.int64)
+        kept = self._keyframes.between(0, max(last, 0))
+        anchors: NDArray[np.int64] = kept[kept % self._options.anchor_every == 0]
+        return anchors
 
     def submap(self, anchor: int) -> Submap:
         """The submap about an anchor; the latest ones asked for are kept."""
@@ -84,6 +86,12 @@ class Places:
             self._index.add(new, self._descriptor.describe(surfels))
         return self._index.similarities(anchors, appearance)
 
+    def forget(self, keyframes: list[int]) -> None:
+        """Keyframes have been pruned: no more places of their own, but still part of the submaps that hold them."""
+        for keyframe in keyframes:
+            self._submaps.pop(keyframe, None)
+        self._index.remove([k for k in keyframes if k in self._index])
+
     def _about(self, anchor: int) -> NDArray[np.int64]:
         half = self._options.submap_keyframes
-        return np.arange(max(0, anchor - half), min(len(self._keyframes), anchor + half + 1))
+        return self._keyframes.between(anchor - half, anchor + half + 1)

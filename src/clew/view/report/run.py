@@ -48,7 +48,7 @@ def report_of_run(
         paths.append(Path("odometry alone", "odometry", 0, odometry.timestamps, odometry.T_world_robot))
     if truth is not None:
         paths.append(Path("truth", "truth", 0, truth.timestamps, truth.T_world_robot))
-    closures = sorted([*slam.closures, *slam.rejected_closures], key=lambda c: (c.source, c.target, c.verdict.name))
+    closures = _between_rows([*slam.closures, *slam.rejected_closures], slam.keyframe_numbers)
     scene = replace(graph.scene, paths=paths, closures=closures, scans=slam.keyframe_points, grid=grid)
     slip = None
     if len(odometry):
@@ -61,6 +61,14 @@ def report_of_run(
     return Report(title, "run", _lead(slam, grid, graph, closures, truth), notes, scene,
                   [_log_section(health, skipped, slip, scene), replace(graph.section, tables=[
                       _verdicts(closures), *graph.section.tables])])
+
+
+def _between_rows(closures: list[Closure], numbers: NDArray[np.int64]) -> list[Closure]:
+    """Closures between keyframes that there still are, by their rows, in order."""
+    row = {int(number): k for k, number in enumerate(numbers)}
+    shown = [replace(c, source=row[c.source], target=row[c.target])
+             for c in closures if c.source in row and c.target in row]
+    return sorted(shown, key=lambda c: (c.source, c.target, c.verdict.name))
 
 
 def _lead(slam: Slam, grid: OccupancyGrid, graph: GraphView, closures: list[Closure],
