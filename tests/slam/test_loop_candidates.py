@@ -18,7 +18,7 @@ Array = NDArray[np.float64]
 
 @pytest.fixture(scope="module")
 def out_and_back() -> tuple[Slam, Array]:
-    """Thirty metres through a hall and back, facing the other way, with a laser that sees all around; and the true poses of the keyframes."""
+    """Thirty metres through a hall and back, facing the other way, with a laser that sees all around; true poses."""
     world = hall(3)
     way = np.array([[3.0, 3.0], [34.0, 3.0], [3.0, 3.0]])
     driven = drive(way, rate=4.0, model=DriveModel(turn_round=1.5))

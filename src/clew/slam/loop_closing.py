@@ -146,7 +146,8 @@ class LoopCloser:
         what is equal in all directions does not, since the match itself knows it. Odometry is trusted no more than in
         the prediction (`ClosingOptions.caution`).
         """
-        half = self._config.closing.submap_keyframes // 2
+        options = self._config.closing
+        half = options.submap_keyframes // 2
         total = np.zeros((2, 2))
         for keyframe, last in ((closure.source, closure.source), (closure.target, closure.target + half)):
             way = np.arange(max(last - half, 0) + 1, last + 1)
@@ -155,8 +156,7 @@ class LoopCloser:
                 turns = se2.matrix(se2.inverse(closure.T_target_source))[:2, :2] @ turns
             total += (turns @ self._keyframes.step_covariances(way) @ turns.transpose(0, 2, 1)).sum(axis=0)
         out = np.zeros((3, 3))
-        total *= options.caution
-        out[:2, :2] = total - np.linalg.eigvalsh(total)[0] * np.eye(2)
+        out[:2, :2] = options.caution * (total - np.linalg.eigvalsh(total)[0] * np.eye(2))
         return out
 
     def _catch_up(self) -> None:
