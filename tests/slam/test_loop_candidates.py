@@ -24,7 +24,7 @@ def out_and_back() -> tuple[Slam, Array]:
     driven = drive(way, rate=4.0, model=DriveModel(turn_round=1.5))
     log = simulate(world, driven, LaserModel(beams=361, field_of_view=2 * np.pi), OdometryModel.good(), 3)
     slam = mapped(log)
-    rows = np.searchsorted(log.timestamps, slam.keyframes.timestamps)
+    rows = np.searchsorted(log.timestamps, slam.every_keyframe.timestamps)
     return slam, log.T_world_robot[rows]
 
 
