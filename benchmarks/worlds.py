@@ -83,7 +83,7 @@ def run(kind: str, quality: str, seed: int) -> Outcome:
         slam.add(measurement)
     slam.refine()
     seconds = time.process_time() - began
-    stamps = slam.keyframes.timestamps
+    stamps = slam.every_keyframe.timestamps
     rows = np.searchsorted(log.timestamps, stamps)
     truth = log.T_world_robot[rows]
     path = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(log.T_world_robot[:, :2], axis=0).T))])[rows]
@@ -91,7 +91,7 @@ def run(kind: str, quality: str, seed: int) -> Outcome:
     again, before = revisits(lambda k: extract_points(log.scan(int(rows[k]))).points, truth, path)
     begins = path[[c.source for c, good in zip(slam.closures, right, strict=True) if good]]
     stretches, missed = recall(path, again, begins)
-    estimate = slam.keyframes.T_world_robot
+    estimate = slam.every_keyframe.T_world_robot
     miss = se2.between(se2.between(truth[before], truth[again]), se2.between(estimate[before], estimate[again]))
     doubled = float(np.quantile(np.hypot(miss[:, 0], miss[:, 1]), 0.95)) if len(again) else 0.0
     bent = float(np.quantile(np.abs(miss[:, 2]), 0.95)) if len(again) else 0.0
