@@ -2,6 +2,7 @@
 
 from clew.sim.carmen import write_carmen
 from clew.sim.demo import KINDS, simulate_demo, simulate_kind
+from clew.sim.disturbance import Slips, disturbed
 from clew.sim.drive import Drive, DriveModel, drive
 from clew.sim.landmarks import (
     ANONYMOUS,
@@ -38,8 +39,10 @@ __all__ = [
     "Sightings",
     "SimulatedLog",
     "SimulationReport",
+    "Slips",
     "World",
     "cast_rays",
+    "disturbed",
     "drive",
     "hall",
     "landmark_field",
