@@ -1,10 +1,11 @@
 // The accumulate step of factors that are evaluated elsewhere: residuals and Jacobians in, normal equations out.
+#include <algorithm>
+#include <vector>
+
 #include "solve/scatter.hpp"
 
 namespace clew::CLEW_ISA {
 namespace {
-
-constexpr int max_dim = 16;
 
 // out (P, Q) += A^T B, or its transpose into (Q, P), for A (D, P), B (D, Q).
 inline void add(int dim, int p, int q, const double* a, const double* b, bool transposed, double* out) {
@@ -16,16 +17,16 @@ inline void add(int dim, int p, int q, const double* a, const double* b, bool tr
 
 }  // namespace
 
-// residual_dim and dims are at most 16, arity at most 4; the binding checks it.
 double accumulate(const Block& block, int arity, int residual_dim, const int* dims, const double* residual,
                   const double* const* jacobians) {
     double cost = 0.0;
     const int D = residual_dim;
     const int pairs = arity * (arity + 1) / 2;
+    const int widest = arity ? *std::max_element(dims, dims + arity) : 0;
+    std::vector<double> we(D), scratch(static_cast<std::size_t>(arity) * D * widest);
     for (int64_t m = 0; m < block.count; ++m) {
         const double* e = residual + m * D;
         const double* information = block.information + m * D * D;
-        double we[max_dim];
         double s = 0.0;
         for (int d = 0; d < D; ++d) {
             we[d] = 0.0;
@@ -36,7 +37,7 @@ double accumulate(const Block& block, int arity, int residual_dim, const int* di
         cost += robust.rho;
         if (!block.hessian_values) continue;
         const int32_t* gradient = block.gradient + m * arity;
-        double weighted[solve::max_arity][max_dim * max_dim];
+        const auto weighted = [&](int p) { return scratch.data() + static_cast<std::size_t>(p) * D * widest; };
         for (int p = 0; p < arity; ++p) {
             if (gradient[p] < 0) continue;
             const double* j = jacobians[p] + m * D * dims[p];
@@ -44,7 +45,7 @@ double accumulate(const Block& block, int arity, int residual_dim, const int* di
                 for (int i = 0; i < dims[p]; ++i) {
                     double sum = 0.0;
                     for (int k = 0; k < D; ++k) sum += information[d * D + k] * j[k * dims[p] + i];
-                    weighted[p][d * dims[p] + i] = robust.weight * sum;
+                    weighted(p)[d * dims[p] + i] = robust.weight * sum;
                     block.gradient_values[gradient[p] + i] += robust.weight * j[d * dims[p] + i] * we[d];
                 }
         }
@@ -55,8 +56,8 @@ double accumulate(const Block& block, int arity, int residual_dim, const int* di
                 const double* j = jacobians[p] + m * D * dims[p];
                 double* out = block.hessian_values + (target >> 2);
                 const int flag = static_cast<int>(target & 3);
-                if (flag != 1) add(D, dims[p], dims[q], j, weighted[q], false, out);
-                if (flag != 0) add(D, dims[p], dims[q], j, weighted[q], true, out);
+                if (flag != 1) add(D, dims[p], dims[q], j, weighted(q), false, out);
+                if (flag != 0) add(D, dims[p], dims[q], j, weighted(q), true, out);
             }
     }
     return cost;

@@ -139,11 +139,8 @@ double accumulate(Matrix residual, const std::vector<Cube>& jacobians, Cube info
         require(jacobian.shape(0) == count && static_cast<int>(jacobian.shape(1)) == residual_dim,
                 "a Jacobian must be (M, d, dim)");
         dims.push_back(static_cast<int>(jacobian.shape(2)));
-        require(dims.back() <= 16, "a variable may have 16 dimensions at most");
         pointers.push_back(jacobian.data());
     }
-    require(residual_dim <= 16, "a residual may have 16 dimensions at most");
-    require(dims.size() <= solve::max_arity, "a factor may have six variables at most");
     require(residual.shape(0) == count && static_cast<int>(residual.shape(1)) == residual_dim,
             "residual must be (M, d)");
     const Block block = checked(dims, information, gradient, plan, robust, scale, hessian, gradient_values);

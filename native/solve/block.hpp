@@ -8,9 +8,6 @@
 
 namespace clew::solve {
 
-// Variables that a factor may have (a range with a calibrated sensor has five: two ends and three points of parameters).
-constexpr std::size_t max_arity = 6;
-
 // Robust losses, numbered as clew.noise numbers them.
 enum class Robust : int { none = 0, huber, pseudo_huber, cauchy, geman_mcclure, welsch, tukey, dcs };
 

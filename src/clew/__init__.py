@@ -24,6 +24,7 @@ _EXPORTS = {
         "noise",
     ),
     **dict.fromkeys(("optimize", "Solution", "Status"), "solve"),
+    **dict.fromkeys(("marginalise", "Marginalised"), "reduce"),
     **dict.fromkeys(("Slam", "SlamConfig"), "slam"),
 }
 

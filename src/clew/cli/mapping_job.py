@@ -110,12 +110,18 @@ def map_log(
         write_report(options.out / "report.html", report_of_run(
             slam, grid, options.title, health=None if health is None else health(), skipped=skipped,
             complete=not stopped, truth=None if truth is None else truth(slam.trajectory.timestamps)))
+    if stopped:
+        viewer.finish("interrupted")
     wall = time.perf_counter() - begun
     stamps = slam.trajectory.timestamps
     log_seconds = float(stamps[-1] - stamps[0])
     summary: dict[str, object] = {
         "scans": slam.scan_count,
         "keyframes": len(slam.keyframes),
+        "pruned": {
+            "keyframes": slam.pruned.keyframes,
+            "information_loss_nats": round(slam.pruned.information_loss_nats, 3),
+        },
         "closures_accepted": len(slam.closures),
         "closures_rejected": sum(c.verdict is not Verdict.REDUNDANT for c in slam.rejected_closures),
         "log_seconds": round(log_seconds, 3),

@@ -23,7 +23,7 @@ def write_outputs(
     `progress` is called with the scans in the map and all of them.
     """
     grid = slam.map(progress=progress)  # first of all: a map that does not fit into memory leaves no file behind
-    trajectory, keyframes = slam.trajectory, slam.keyframes
+    trajectory, keyframes, every = slam.trajectory, slam.keyframes, slam.every_keyframe
     write_tum(out / "trajectory.tum", trajectory.timestamps, trajectory.T_world_robot)
     write_tum(out / "keyframes.tum", keyframes.timestamps, keyframes.T_world_robot)
     write_graph(out / "graph.g2o", slam.graph)
@@ -37,29 +37,31 @@ def write_outputs(
         grid=grid,
         odometry_xy=slam.odometry.T_world_robot[:, :2],
         trajectory_xy=trajectory.T_world_robot[:, :2],
-        keyframes=keyframes.T_world_robot,
+        keyframes=every.T_world_robot,
         closures_accepted=pairs,
         title=title,
-        subtitle=f"{len(trajectory):,} scans, {len(keyframes):,} keyframes, {len(pairs):,} closures",
+        subtitle=f"{len(trajectory):,} scans, {len(every):,} keyframes, {len(pairs):,} closures",
     )
     return grid
 
 
 def write_closures(slam: Slam, path: Path) -> None:
     """Each candidate closure with its evidence and its verdict, one a row."""
-    stamps = slam.keyframes.timestamps
+    stamps = slam.every_keyframe.timestamps
     closures = sorted([*slam.closures, *slam.rejected_closures], key=lambda c: (c.source, c.target))
     with atomic_write(path) as file:
         writer = csv.writer(file, lineterminator="\n")
         writer.writerow(
             ["source", "target", "source_time", "target_time", "verdict", "reason", "x", "y", "theta", "similarity",
-             "likelihood", "overlap", "rms", "contradiction", "innovation_m", "innovation_rad"]
+             "likelihood", "overlap", "rms", "contradiction", "innovation_m", "innovation_rad", "seen_through", "rival",
+             "distance", "supporters"]
         )  # fmt: skip
         for c in closures:
-            numbers = (*c.T_target_source, c.similarity, c.likelihood, c.overlap, c.rms, c.contradiction, *c.innovation)
+            numbers = (*c.T_target_source, c.similarity, c.likelihood, c.overlap, c.rms, c.contradiction, *c.innovation,
+                       c.seen_through, c.rival, c.distance)
             writer.writerow(
                 [c.source, c.target, f"{stamps[c.source]:.6f}", f"{stamps[c.target]:.6f}", c.verdict.name.lower(),
-                 c.verdict.value, *(f"{value:.5f}" for value in numbers)]
+                 c.verdict.value, *(f"{value:.5f}" for value in numbers), c.supporters]
             )  # fmt: skip
 
 

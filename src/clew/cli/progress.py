@@ -125,7 +125,7 @@ class JobProgress:
         self._shown = now
         begin, end = slam.time_span
         factor = (end - begin) / max(now - self._begun, 1e-6)
-        self._stages.show(slam.scan_count, f"{len(slam.closures)} closures, {factor:.0f} x real time")
+        self._stages.show(slam.scan_count, f"{slam.closure_count} closures, {factor:.0f} x real time")
 
     def refining(self, done: int, most: int) -> None:
         """A round of the refinement is over; 0 of them when it begins."""

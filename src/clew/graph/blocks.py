@@ -94,15 +94,23 @@ class FactorTable:
     def block(self) -> Factor:
         """The live factors as one read-only `Factor`."""
         if self._block is None:
-            block: Any = copy.copy(self._prototype)
-            columns = (self.keys.rows, self._measurement.rows, self._information.rows)
-            for name, rows in zip(_PER_MEASUREMENT, columns, strict=True):
-                view = rows[self.alive.rows] if self.dead else rows[:]
-                view.flags.writeable = False
-                object.__setattr__(block, name, view)  # a factor may be a frozen dataclass
-            self._block = block
-        assert self._block is not None
+            self._block = self.select(self.alive.rows if self.dead else slice(None))
         return self._block
+
+    def touching(self, keys: Index) -> Index:
+        """Rows of the live factors that refer to any of the keys."""
+        return np.flatnonzero(np.isin(self.keys.rows, keys).any(axis=1) & self.alive.rows)
+
+    def select(self, rows: Index | NDArray[np.bool_] | slice) -> Factor:
+        """Some rows as one read-only `Factor`."""
+        block: Any = copy.copy(self._prototype)
+        columns = (self.keys.rows, self._measurement.rows, self._information.rows)
+        for name, column in zip(_PER_MEASUREMENT, columns, strict=True):
+            view = column[rows]
+            view.flags.writeable = False
+            object.__setattr__(block, name, view)  # a factor may be a frozen dataclass
+        chosen: Factor = block
+        return chosen
 
     def copy(self) -> FactorTable:
         """An independent copy."""

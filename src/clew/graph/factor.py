@@ -24,6 +24,7 @@ class Role(str, Enum):
     OBSERVATION = "observation"
     LOOP = "loop"
     PRIOR = "prior"
+    MARGINAL = "marginal"  # what variables knew that have been taken out (`clew.marginalise`)
 
 
 class Factor(ABC):

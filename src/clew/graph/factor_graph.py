@@ -94,9 +94,9 @@ class FactorGraph(VariableSet):
         keys = as_keys(key).reshape(-1)
         self._slots(keys)  # raises before anything is removed
         for table in self._factors:
-            hit = np.isin(table.keys.rows, keys).any(axis=1) & table.alive.rows
-            if hit.any():
-                self._drop(table, np.flatnonzero(hit))
+            hit = table.touching(keys)
+            if len(hit):
+                self._drop(table, hit)
         self._remove(keys)
 
     def remove(self, ids: ArrayLike) -> None:
@@ -136,6 +136,14 @@ class FactorGraph(VariableSet):
         for table in self._factors:
             if len(table) and (role is None or table.prototype.role == role):
                 yield table.live_ids().copy()
+
+    def touching(self, keys: ArrayLike) -> Iterator[Factor]:
+        """The factors that refer to any of the keys, block by block (the Markov blanket is in their keys)."""
+        wanted = as_keys(keys).reshape(-1)
+        for table in self._factors:
+            rows = table.touching(wanted)
+            if len(rows):
+                yield table.select(rows)
 
     # --- the graph as a whole
     # --------------------------------------------------------------------------------

@@ -42,6 +42,10 @@ class Growing(Generic[Scalar]):
         start, self._size = self._size, size
         return self._data[start:size]
 
+    def detach(self) -> None:
+        """Move to a place of its own, so that what is written to rows from now on does not show in older views."""
+        self._data = self._data.copy()
+
     def replace(self, rows: NDArray[Any]) -> None:
         """Hold a copy of `rows` and nothing else."""
         self._data = np.array(rows, dtype=self._data.dtype, copy=True)

@@ -11,31 +11,35 @@ from clew.place.association import (
 )
 from clew.place.closure import Closure, Verdict
 from clew.place.consistency import ConsistencyOptions, agree
-from clew.place.descriptor import describe, similarity
+from clew.place.descriptor import Descriptor, DescriptorIndex, PairDistances, RingSpectra, TurnedRings
 from clew.place.joining import JoinOptions, join_landmarks, landmark_density
 from clew.place.submap import Submap, build_submap, surfels_of
-from clew.place.verify import VerificationOptions, verify
+from clew.place.verify import VerificationOptions, look_back, verify
 
 __all__ = [
     "NEW",
     "UNCLEAR",
     "Closure",
     "ConsistencyOptions",
+    "Descriptor",
+    "DescriptorIndex",
     "Gates",
     "JoinOptions",
+    "PairDistances",
+    "RingSpectra",
     "Submap",
+    "TurnedRings",
     "Verdict",
     "VerificationOptions",
     "agree",
     "build_submap",
     "chi_square_limit",
     "compatibility",
-    "describe",
     "join_landmarks",
     "joint_compatibility",
     "landmark_density",
+    "look_back",
     "nearest_neighbour",
-    "similarity",
     "surfels_of",
     "verify",
 ]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import Enum
 
 import numpy as np
@@ -21,6 +21,7 @@ class Verdict(str, Enum):
     LITTLE_OVERLAP = "too little of the scans overlaps"
     ROUGH = "surfaces do not lie on each other"
     CONTRADICTED = "returns lie where the other scans saw free space"
+    SEEN_THROUGH = "rays pass through surfaces of the other scans"
     DISAGREES = "disagrees with the graph beyond its uncertainty"
     REDUNDANT = "says the same as a better one of this keyframe"
     ALONE = "no other closure agrees"
@@ -33,16 +34,23 @@ class Closure:
 
     Attributes:
         source, target: indices of keyframes.
-        similarity: cosine of the two descriptors.
+        similarity: likeness of the two descriptors, in [0, 1].
         verdict: what the evidence says so far.
         T_target_source: ``(3,)`` measured pose of the source seen from the target.
-        information: ``(3, 3)`` of that pose, in its tangent.
+        information: ``(3, 3)`` of that pose, in its tangent; of a confirmed closure the one that the graph uses.
         likelihood: mean likelihood of the source's points at the best pose of the search.
         overlap: share of the source's points with a partner in the target.
         rms: residual along the normals, metres.
         contradiction: share of the source's points that lie in the target's free space.
         innovation: metres and radians between measured and predicted pose.
-        T_predicted: ``(3,)`` pose of the source seen from the target that was expected before the match; None where
+        seen_through: share of the target's surfaces within the source's view that lie in the source's free space.
+        rival: likelihood of the best pose elsewhere in the window as a share of the best one's; 0 where there is none
+            that comes near.
+        distance: squared Mahalanobis distance between measured and predicted pose.
+        is_certain: whether the robot was known so well that a match within the window could not be another place.
+        is_partial: whether it tells nothing along one direction, in which the scans fit at several poses.
+        supporters: closures from other places that agree.
+        T_predicted: ``(3,)`` pose of the source seen from the target that was expected before the match; nan where
             nothing was.
     """
 
@@ -57,4 +65,10 @@ class Closure:
     rms: float = 0.0
     contradiction: float = 0.0
     innovation: tuple[float, float] = (0.0, 0.0)
-    T_predicted: Array | None = None
+    seen_through: float = 0.0
+    rival: float = 0.0
+    distance: float = 0.0
+    is_certain: bool = False
+    is_partial: bool = False
+    supporters: int = 0
+    T_predicted: Array = field(default_factory=lambda: np.full(3, np.nan))

@@ -68,6 +68,16 @@ class Submap:
         near_wall = binary_dilation(grid.log_odds > 0, iterations=WALL_MARGIN)
         return grid, (grid.log_odds < FREE_LOG_ODDS) & ~near_wall
 
+    def observes(self, points: Array) -> NDArray[np.bool_]:
+        """Which points ``(n, 2)``, in the anchor's frame, lie where rays of the submap passed or ended."""
+        grid, _ = self._free
+        cells = grid.world_to_cell(points)
+        inside = np.all((cells >= 0) & (cells < np.array(grid.shape)), axis=1)
+        out = np.zeros(len(points), dtype=np.bool_)
+        rows, columns = cells[inside].T
+        out[inside] = grid.log_odds[rows, columns] != 0
+        return out
+
     def contradicted_share(self, points: Array) -> float:
         """Share of returns ``(n, 2)``, in the anchor's frame, that lie where rays of the submap passed freely."""
         grid, free = self._free

@@ -23,9 +23,12 @@ class VerificationOptions:
         likelihood: least mean likelihood of the query's points at the best pose.
         rival_distance, rival_angle: poses further than this from the best are rivals, metres and radians.
         rival_ratio: a rival with this share of the best likelihood makes the match ambiguous.
+        slide_angle: rivals turned by less, radians, lie along a line with the best,
+        slide_share: if the returns measure that direction by no more than this share of the other.
         overlap: least share of the query's points with a partner.
         rms: largest residual along the normals, metres.
-        contradiction: largest share of returns in free space.
+        contradiction: largest share of returns in free space,
+        seen_through: and of surfaces of the target, within the query's view, in the query's free space.
         radius_start, radius_end: partners are sought within these in the alignment, metres.
         voxel: for the search the query is thinned to one point per square of this side,
         fine_voxel: and for the alignment of this one, metres.
@@ -35,9 +38,12 @@ class VerificationOptions:
     rival_distance: float = 0.8
     rival_angle: float = 0.35
     rival_ratio: float = 0.9
+    slide_angle: float = 0.05
+    slide_share: float = 0.3
     overlap: float = 0.55
     rms: float = 0.035
     contradiction: float = 0.15
+    seen_through: float = 0.15
     radius_start: float = 0.35
     radius_end: float = 0.15
     voxel: float = 0.2
@@ -49,54 +55,72 @@ def verify(
     query: ScanPoints,
     source: int,
     T_predicted: Array,
+    centre: Array,
     half_window: Array,
     prior_information: Array,
     similarity: float,
     options: VerificationOptions,
     alignment: AlignmentOptions,
+    *,
+    may_slide: bool = False,
 ) -> Closure:
     """Match a query against a submap within a window, and weigh the evidence of the two alone.
+
+    Where the query fits at several poses along one line, as along a bare corridor or one with a door every few metres,
+    the closure is partial: it holds across that line and tells nothing along it.
 
     Args:
         submap: the older place.
         query: points about keyframe `source`, in its frame.
         T_predicted: ``(3,)`` expected pose of the source in the submap's frame.
-        half_window: ``(3,)`` half size of the search window, metres, metres, radians.
+        centre: ``(3,)`` pose in the middle of the search window,
+        half_window: ``(3,)`` its half size, metres, metres, radians.
         prior_information: ``(3, 3)`` of `T_predicted`, in units of the returns' information. It decides only where
             the returns do not, as along a bare corridor.
-        similarity: cosine of the descriptors, kept as evidence.
+        similarity: likeness of the descriptors, kept as evidence.
         options: see `VerificationOptions`.
         alignment: how returns are weighted in the alignment.
+        may_slide: whether a partial closure is of use; it is not while the robot may be in another corridor. Otherwise
+            all that is not unique is ambiguous.
     """
     thinned = merge_surfels(query, options.voxel)
     closure = Closure(
         source, submap.keyframe, similarity, Verdict.NO_MATCH, T_predicted, np.zeros((3, 3)), T_predicted=T_predicted
     )
     best = correlate(
-        submap.pyramid, thinned.points, T_predicted, half_window, minimum_score=options.likelihood
+        submap.pyramid, thinned.points, centre, half_window, minimum_score=options.likelihood
     )
     if best is None:
         return closure
     closure = replace(closure, likelihood=best.likelihood)
     rival = correlate(
-        submap.pyramid, thinned.points, T_predicted, half_window,
+        submap.pyramid, thinned.points, centre, half_window,
         minimum_score=options.rival_ratio * best.likelihood,
         exclude=(best.T_target_source, options.rival_distance, options.rival_angle),
     )  # fmt: skip
+    start, slide = best.T_target_source, None
     if rival is not None:
-        return replace(closure, verdict=Verdict.AMBIGUOUS, T_target_source=best.T_target_source)
+        closure = replace(closure, rival=rival.likelihood / best.likelihood)
+        start, slide = _slide(best.T_target_source, rival.T_target_source, T_predicted)
+        if not may_slide or abs(se2.between(best.T_target_source, rival.T_target_source)[2]) > options.slide_angle:
+            return replace(closure, verdict=Verdict.AMBIGUOUS, T_target_source=best.T_target_source)
     fine = align(
         submap.index, SourceClouds.single(merge_surfels(query, options.fine_voxel)), np.zeros((1, 2), dtype=np.int32),
-        best.T_target_source[None],
-        T_prior=T_predicted[None], prior_information=prior_information[None],
+        start[None], T_prior=T_predicted[None], prior_information=prior_information[None],
         options=replace(alignment, radius_start=options.radius_start, radius_end=options.radius_end),
     )  # fmt: skip
-    T = fine.T_target_source[0]
+    T, information = fine.T_target_source[0], fine.information[0]
+    if slide is not None:
+        slide[:2] = se2.matrix(se2.inverse(T))[:2, :2] @ slide[:2]
+        if not _is_weakest(information, slide, options.slide_share):
+            return replace(closure, verdict=Verdict.AMBIGUOUS, T_target_source=best.T_target_source)
+        information = _without(information, slide)
     error = se2.between(T_predicted, T)
     closure = replace(
         closure,
         T_target_source=T,
-        information=fine.information[0],
+        information=information,
+        is_partial=slide is not None,
         overlap=float(fine.overlap[0]),
         rms=float(fine.rms[0]),
         contradiction=submap.contradicted_share(thinned.transformed(T).points),
@@ -110,3 +134,41 @@ def verify(
     if closure.contradiction > options.contradiction:
         return replace(closure, verdict=Verdict.CONTRADICTED)
     return closure
+
+
+def look_back(closure: Closure, submap: Submap, view: Submap, options: VerificationOptions) -> Closure:
+    """Weigh what the query saw of the target's surfaces: a ray that passes through them contradicts the match.
+
+    Args:
+        closure: of the query and the submap; left as it is unless it waits.
+        submap: the older place.
+        view: submap of the query, in the frame of its source.
+        options: see `VerificationOptions`.
+    """
+    if closure.verdict is not Verdict.WAITING:
+        return closure
+    surfaces = se2.act(se2.inverse(closure.T_target_source), submap.surfels.points)
+    share = view.contradicted_share(surfaces[view.observes(surfaces)])
+    verdict = Verdict.SEEN_THROUGH if share > options.seen_through else Verdict.WAITING
+    return replace(closure, seen_through=share, verdict=verdict)
+
+
+def _slide(best: Array, rival: Array, T_predicted: Array) -> tuple[Array, Array]:
+    """The pose on the line through two matches that is nearest to the predicted one, and the line's direction."""
+    line = rival[:2] - best[:2]
+    line = line / max(float(np.hypot(line[0], line[1])), 1e-9)
+    start = best.copy()
+    start[:2] += line * (line @ (T_predicted[:2] - best[:2]))
+    return start, np.append(line, 0.0)
+
+
+def _is_weakest(information: Array, direction: Array, share: float) -> bool:
+    """Whether returns measure a direction ``(3,)`` of translation much less than the one across it."""
+    across = np.array([-direction[1], direction[0], 0.0])
+    return bool(direction @ information @ direction <= share * (across @ information @ across))
+
+
+def _without(information: Array, direction: Array) -> Array:
+    """Information ``(3, 3)`` of all but one direction ``(3,)`` (the Schur complement)."""
+    column = information @ direction
+    return np.asarray(information - np.outer(column, column) / max(float(direction @ column), 1e-12))

@@ -1,5 +1,6 @@
 """Simulated worlds, robots and sensors with known truth."""
 
+from clew.sim.campus import campus
 from clew.sim.carmen import write_carmen
 from clew.sim.demo import KINDS, simulate_demo, simulate_kind
 from clew.sim.disturbance import Slips, disturbed
@@ -15,7 +16,7 @@ from clew.sim.landmarks import (
 )
 from clew.sim.landmarks_fleet import FleetModel, MeetingModel, Meetings, RobotRun, simulate_fleet, step_covariances
 from clew.sim.laser import LaserModel, cast_rays
-from clew.sim.layouts import hall, long_corridor, loop
+from clew.sim.layouts import hall, identical_doors, long_corridor, loop
 from clew.sim.log import SimulatedLog, SimulationReport, simulate
 from clew.sim.odometry import OdometryModel
 from clew.sim.office import office_building
@@ -41,10 +42,12 @@ __all__ = [
     "SimulationReport",
     "Slips",
     "World",
+    "campus",
     "cast_rays",
     "disturbed",
     "drive",
     "hall",
+    "identical_doors",
     "landmark_field",
     "long_corridor",
     "loop",

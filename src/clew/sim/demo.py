@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 
 from clew.errors import InputError
+from clew.sim.campus import campus
 from clew.sim.drive import drive
 from clew.sim.laser import LaserModel
-from clew.sim.layouts import hall, long_corridor, loop
+from clew.sim.layouts import hall, identical_doors, long_corridor, loop
 from clew.sim.log import SimulatedLog, simulate
 from clew.sim.odometry import OdometryModel
 from clew.sim.office import office_building
@@ -19,6 +21,9 @@ _WORLDS: dict[str, Callable[[int], World]] = {
     "corridor": long_corridor,
     "hall": hall,
     "loop": loop,
+    "alike": partial(office_building, alike=True),
+    "doors": identical_doors,
+    "campus": campus,
 }
 #: Kinds of worlds that `simulate_kind` knows.
 KINDS = tuple(_WORLDS)
@@ -35,12 +40,13 @@ def simulate_kind(kind: str, seed: int, *, duration: float = 400.0, rate: float 
     """A drive through a world of one of the `KINDS`; the seed makes world, way and noise.
 
     Args:
-        kind: office, corridor, hall or loop.
+        kind: office, corridor, hall, loop; alike (an office whose rooms are all the same), doors (corridors with
+            identical doors) or campus (outdoors).
         seed: of everything.
         duration: seconds.
         rate: scans a second, Hz.
         people: number of people who walk around.
-        doors: whether doors open and close (only offices have any).
+        doors: whether doors open and close (only offices have any that do).
         laser: the sensor; `LaserModel` by default.
         odometry: `OdometryModel.medium` by default.
 

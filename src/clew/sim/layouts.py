@@ -87,6 +87,47 @@ def loop(seed: int, *, length: float = 300.0, width: float = 2.4) -> World:
     return World(f"loop-{seed}", np.concatenate(outlines), places, np.array(chain([*order, 0])))
 
 
+def identical_doors(seed: int, *, length: float = 70.0, width: float = 2.2, spacing: float = 4.0) -> World:
+    """Two parallel corridors joined at both ends, with the same recessed door every few metres on both sides.
+
+    Each stretch of wall looks like the one before it, and each corridor like the other; what there is besides are the
+    four corners and a few notice boards.
+
+    Args:
+        seed: of the places of the notice boards.
+        length: of the two long corridors, metres.
+        width: of the corridors, metres.
+        spacing: from door to door, metres.
+    """
+    _require("identical_doors", length >= 20.0 and width >= 1.6 and spacing >= 2.0,
+             "needs a length of 20 m or more, a width of 1.6 m or more and doors 2 m apart or more")
+    rng = np.random.default_rng(seed)
+    half, across = width / 2, 14.0
+    doors = [(x, x + 1.0) for x in np.arange(3.0, length - 3.0, spacing)]
+    lines = [(-half, -1.0), (half, 1.0), (across - half, -1.0), (across + half, 1.0)]  # y of a wall, way into it
+    outlines = []
+    for index, (y, into) in enumerate(lines):
+        inner = index in (1, 2)
+        since, to = (half, length - half) if inner else (-half, length + half)
+        ends = np.array([since, *(x for door in doors for x in door), to]).reshape(-1, 2)
+        outlines.append(np.stack([np.stack([ends[:, 0], np.full(len(ends), y)], axis=1),
+                                  np.stack([ends[:, 1], np.full(len(ends), y)], axis=1)], axis=1))
+        deep = y + 0.15 * into
+        for x0, x1 in doors:
+            outlines.append(np.array([[[x0, y], [x0, deep]], [[x0, deep], [x1, deep]], [[x1, deep], [x1, y]]]))
+    for x in (-half, half, length - half, length + half):
+        low, high = (half, across - half) if half <= x <= length - half else (-half, across + half)
+        outlines.append(np.array([[[x, low], [x, high]]]))
+    for _ in range(6):
+        y, into = lines[int(rng.integers(4))]
+        x = float(rng.choice([door[1] for door in doors])) + rng.uniform(0.3, spacing - 2.0)
+        outlines.append(box(x, min(y, y - 0.12 * into), x + 0.5, max(y, y - 0.12 * into)))
+    xs = np.linspace(0.0, length, max(int(length // 10), 2))
+    places = np.concatenate([np.stack([xs, np.zeros_like(xs)], axis=1),
+                             np.stack([xs[::-1], np.full_like(xs, across)], axis=1)])
+    return World(f"doors-{seed}", np.concatenate(outlines), places, np.array(chain([*range(len(places)), 0])))
+
+
 def _on_edge(edge: int, side: float, x0: float, y0: float, x1: float, y1: float) -> Array:
     """Outline of a box given along the south edge, turned to one of the four edges of the square."""
     outline = box(x0, y0, x1, y1) - side / 2

@@ -13,6 +13,8 @@ THICKNESS = 0.15
 DOOR = 1.0
 #: Free way from a door into the room, metres wide: no furniture stands here.
 LANE = 1.0
+#: Width of rooms that are all the same.
+ALIKE_WIDTH = 4.0
 
 
 @dataclass(frozen=True)
@@ -47,7 +49,8 @@ class Plan:
         return [float(x) for x in positions]
 
 
-def office_building(seed: int, *, length: float = 70.0, crossings: int = 3, open_doors: float = 0.6) -> World:
+def office_building(seed: int, *, length: float = 70.0, crossings: int = 3, open_doors: float = 0.6,
+                    alike: bool = False) -> World:
     """Corridors that form loops, rooms with doors and furniture; same seed, same building.
 
     Args:
@@ -55,6 +58,7 @@ def office_building(seed: int, *, length: float = 70.0, crossings: int = 3, open
         length: of the two long corridors, metres, at least 20.
         crossings: cross corridors, at least 2; they make ``crossings - 1`` loops.
         open_doors: share of rooms whose door stands open; a robot can enter these.
+        alike: whether all rooms are the same, down to the furniture; only which doors stand open tells them apart.
 
     Raises:
         InputError: the building is too short for its cross corridors.
@@ -64,16 +68,17 @@ def office_building(seed: int, *, length: float = 70.0, crossings: int = 3, open
         raise InputError(f"office_building: {length:g} m with {crossings} cross corridors: "
                          "needs at least 2 of them, 20 m in all and 10 m between neighbours")
     rng = np.random.default_rng(seed)
-    builder = _Builder(plan, plan.crossing_positions(rng), rng, open_doors)
-    return builder.build(f"office-{seed}")
+    builder = _Builder(plan, plan.crossing_positions(rng), rng, open_doors, seed if alike else None)
+    return builder.build(f"{'alike' if alike else 'office'}-{seed}")
 
 
 class _Builder:
     """Puts walls, furniture and places together."""
 
     def __init__(self, plan: Plan, crossings: list[float], rng: np.random.Generator,
-                 open_doors: float) -> None:
+                 open_doors: float, one_room: int | None) -> None:
         self.plan = plan
+        self.one_room = one_room  # seed of the room that all are copies of, if they are alike
         self.crossings = crossings
         self.rng = rng
         self.open_doors = open_doors
@@ -121,7 +126,7 @@ class _Builder:
             doors = []
             left = since
             while left < to:
-                width = float(self.rng.uniform(3.2, 7.0))
+                width = ALIKE_WIDTH if self.one_room is not None else float(self.rng.uniform(3.2, 7.0))
                 right = left + width if to - left - width > 3.2 else to
                 doors.append(self._room(left, right, door_y, back_y, corridor))
                 if right < to:
@@ -135,11 +140,13 @@ class _Builder:
     def _room(self, left: float, right: float, door_y: float, back_y: float,
               corridor: int) -> tuple[float, float]:
         """Furniture and places of one room; returns the opening of its door."""
-        rng = self.rng
-        door = float(rng.uniform(left + 0.9, right - 0.9))
+        alike = self.one_room is not None
+        closed = alike and self.rng.random() > self.open_doors
+        rng = np.random.default_rng(self.one_room) if alike else self.rng
+        door = left + ALIKE_WIDTH / 2 if alike else float(rng.uniform(left + 0.9, right - 0.9))
         opening = (door - DOOR / 2, door + DOOR / 2)
         inward = 1.0 if back_y > door_y else -1.0
-        if rng.random() > self.open_doors:  # a closed door is a recess in the wall
+        if closed or (not alike and rng.random() > self.open_doors):  # a closed door is a recess in the wall
             recess = door_y + inward * THICKNESS / 2
             self.outlines.append(box(opening[0], recess - 0.02, opening[1], recess + 0.02))
             return opening
@@ -151,7 +158,7 @@ class _Builder:
         self.doors.append(np.array([[opening[0], leaf], [opening[1], leaf],
                                     [opening[0], leaf + inward * DOOR]]))
         for low, high in ((left, door - LANE / 2), (door + LANE / 2, right)):
-            self._furnish(low + 0.2, high - 0.2, door_y + inward * 0.3, back_y - inward * 0.3)
+            self._furnish(low + 0.2, high - 0.2, door_y + inward * 0.3, back_y - inward * 0.3, rng)
         # Something against the back wall, seen from the door.
         back = back_y - inward * THICKNESS / 2
         wide = float(rng.uniform(0.6, 1.6))
@@ -159,9 +166,8 @@ class _Builder:
                                  max(back, back - inward * 0.4)))
         return opening
 
-    def _furnish(self, x0: float, x1: float, y0: float, y1: float) -> None:
+    def _furnish(self, x0: float, x1: float, y0: float, y1: float, rng: np.random.Generator) -> None:
         """Desks at any angle and round pillars in a rectangle beside the lane of the door."""
-        rng = self.rng
         low, high = min(y0, y1), max(y0, y1)
         if x1 - x0 < 0.9:
             return

@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from clew.geometry import se2
+from clew.graph.growing import Growing
 from clew.place import surfels_of
 from clew.scan import ScanPoints
 
 Array = NDArray[np.float64]
+Index = NDArray[np.int64]
 
 
 @dataclass(frozen=True)
@@ -38,44 +41,84 @@ class Keyframe:
 
 
 class KeyframeStore:
-    """All keyframes in the order of time, with what is asked of many at once."""
+    """All keyframes, numbered in the order of time, with what is asked of many at once.
+
+    A keyframe that is dropped (`clew.slam.pruning`) keeps its number, time and path; its returns are gone.
+    """
 
     def __init__(self) -> None:
-        self._keyframes: list[Keyframe] = []
-        self._local = np.zeros((64, 4))  # T_local_robot and path of all, doubled when full
+        self._keyframes: dict[int, Keyframe] = {}
+        self._track: Growing[np.float64] = Growing((5,), np.float64)  # T_local_robot, path and time of all
+        self._step_covariances: Growing[np.float64] = Growing((2, 2), np.float64)
+        self._alive: Growing[np.bool_] = Growing((), np.bool_)
 
     def __len__(self) -> int:
-        return len(self._keyframes)
+        """How many have been taken, whether dropped since or not: the number that the next one gets."""
+        return len(self._alive)
 
     def __getitem__(self, index: int) -> Keyframe:
         return self._keyframes[index]
 
+    def __contains__(self, index: int) -> bool:
+        return index in self._keyframes
+
     def add(self, keyframe: Keyframe) -> int:
-        """Append a keyframe; returns its index."""
-        count = len(self._keyframes)
-        if count == len(self._local):
-            self._local = np.concatenate([self._local, np.zeros_like(self._local)])
-        self._local[count] = (*keyframe.T_local_robot, keyframe.path)
-        self._keyframes.append(keyframe)
-        return len(self._keyframes) - 1
+        """Append a keyframe; returns its number."""
+        index = len(self)
+        self._track.extend(1)[:] = (*keyframe.T_local_robot, keyframe.path, keyframe.timestamp)
+        covariance = np.linalg.inv(keyframe.information)[:2, :2] if index else np.zeros((2, 2))
+        self._step_covariances.append(covariance[None])
+        self._alive.extend(1)[:] = True
+        self._keyframes[index] = keyframe
+        return index
+
+    def drop(self, indices: Iterable[int]) -> None:
+        """Forget the returns of keyframes for good."""
+        for index in indices:
+            del self._keyframes[index]
+            self._alive.rows[index] = False
+
+    @property
+    def alive(self) -> Index:
+        """``(A,)`` numbers of the keyframes that have not been dropped."""
+        return np.flatnonzero(self._alive.rows)
+
+    @property
+    def is_alive(self) -> NDArray[np.bool_]:
+        """``(K,)`` whether each has not been dropped."""
+        return self._alive.rows
 
     @property
     def paths(self) -> Array:
         """``(K,)`` metres driven until each keyframe."""
-        return self._local[: len(self), 3]
+        return self._track.rows[:, 3]
 
-    def clouds(self, members: NDArray[np.int64]) -> list[ScanPoints]:
+    @property
+    def timestamps(self) -> Array:
+        """``(K,)`` seconds."""
+        return self._track.rows[:, 4]
+
+    def step_covariances(self, indices: Index) -> Array:
+        """``(n, 2, 2)`` of the position of each keyframe seen from the one before it, in its own axes."""
+        return self._step_covariances.rows[indices]
+
+    def between(self, first: int, end: int) -> Index:
+        """Those of the keyframes ``first ... end - 1`` that there are."""
+        first = max(first, 0)
+        return first + np.flatnonzero(self._alive.rows[first:end])
+
+    def clouds(self, members: Index) -> list[ScanPoints]:
         """Points of keyframes, each in its own frame."""
         return [self._keyframes[int(k)].points for k in members]
 
-    def sensors(self, members: NDArray[np.int64]) -> Array:
+    def sensors(self, members: Index) -> Array:
         """``(M, 3)`` poses of the laser on the robot."""
         return np.stack([self._keyframes[int(k)].T_robot_sensor for k in members])
 
-    def relative(self, anchor: int, members: NDArray[np.int64]) -> Array:
+    def relative(self, anchor: int, members: Index) -> Array:
         """``(M, 3)`` poses of keyframes seen from another by the front end alone: good over short paths."""
-        return se2.between(self._local[anchor, :3], self._local[members, :3])
+        return se2.between(self._track.rows[anchor, :3], self._track.rows[members, :3])
 
-    def surfels(self, anchor: int, members: NDArray[np.int64], voxel: float) -> ScanPoints:
+    def surfels(self, anchor: int, members: Index, voxel: float) -> ScanPoints:
         """Surfels of neighbouring keyframes in the frame of one of them."""
         return surfels_of(self.clouds(members), self.relative(anchor, members), voxel)

@@ -2,27 +2,28 @@
 
 from __future__ import annotations
 
-from collections import OrderedDict
+from collections import deque
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 
 from clew.geometry import se2
-from clew.place import Closure, Submap, Verdict, VerificationOptions, agree, build_submap, describe, similarity, verify
+from clew.place import Closure, Verdict, VerificationOptions, agree, look_back, verify
 from clew.scan import without_normal_noise
+from clew.slam.closure_log import ClosureLog
 from clew.slam.config import SlamConfig
 from clew.slam.keyframes import KeyframeStore
+from clew.slam.loop_candidates import Candidate, find_candidates
+from clew.slam.places import Places, Query
 from clew.slam.pose_graph import LEAST_INFORMATION, PoseGraph
 from clew.slam.sensor import SensorModel
 
 Array = NDArray[np.float64]
 
-QUERY_VOXEL = 0.05  # metres
+MISSES = 4  # keyframes in a row that still cannot be closed, after which no more are tried
 FLOOR = np.diag([0.05, 0.05, 0.02]) ** 2  # covariance that any prediction has at least
 NOISY = 2.0  # the residual of a match may be so many deviations of a return
-SHORTLIST = 12  # nearest candidates whose uncertainty and appearance are looked at
 
 
 @dataclass
@@ -35,9 +36,10 @@ class LoopCloser:
     """Proposes closures of the newest keyframe with older ones and adds to the graph those that are confirmed.
 
     A candidate must look alike, match a submap in one place only, overlap, and not contradict free space
-    (`clew.place.verify`); it must agree with the graph within its uncertainty; and, unless it hardly moves the robot,
-    it waits until others from different places agree with it. After optimisation, a closure that no longer fits
-    is withdrawn.
+    (`clew.place.verify`); it must agree with the graph within its uncertainty; and, unless it hardly moves a robot
+    whose place is certain, it waits until others agree with it that share no scan with it. Keyframes that could not be
+    closed, because several places looked alike, are tried again once the robot knows where it is. After optimisation,
+    a closure that no longer fits is withdrawn.
     """
 
     def __init__(self, keyframes: KeyframeStore, graph: PoseGraph, config: SlamConfig, sensor: SensorModel) -> None:
@@ -45,183 +47,202 @@ class LoopCloser:
         self._graph = graph
         self._config = config
         self._sensor = sensor
-        self._submaps: OrderedDict[int, Submap] = OrderedDict()
-        self._descriptors: dict[int, Array] = {}
+        self._places = Places(keyframes, config)
         self._accepted: list[_Accepted] = []
+        self._past = ClosureLog()  # believed, and taken into the graph for good: a keyframe of theirs was pruned
         self._waiting: list[Closure] = []
-        self._rejected: list[Closure] = []
+        self._rejected = ClosureLog()
+        self._open: deque[int] = deque(maxlen=config.closing.open_sources)
         self._last_attempt = -np.inf
         self._pending = 0  # closures since the last optimisation
 
     @property
     def accepted(self) -> list[Closure]:
-        """Closures that the graph holds."""
-        return [a.closure for a in self._accepted]
+        """Closures that are believed."""
+        return [*self._past, *(a.closure for a in self._accepted)]
+
+    @property
+    def accepted_count(self) -> int:
+        """How many closures are believed."""
+        return len(self._past) + len(self._accepted)
 
     @property
     def rejected(self) -> list[Closure]:
         """Candidates that were turned down, with the reason; those that still wait are among them."""
-        return self._rejected + self._waiting
+        return [*self._rejected, *self._waiting]
 
-    def attempt(self) -> bool:
+    @property
+    def needed(self) -> set[int]:
+        """Keyframes of closures that still wait, and those that are to be tried again."""
+        return {k for w in self._waiting for k in (w.source, w.target)}.union(self._open)
+
+    def forget(self, keyframes: list[int]) -> None:
+        """Keyframes have been pruned: what their closures said is in the graph for good."""
+        gone = set(keyframes)
+        self._places.forget(keyframes)
+        ended = [a for a in self._accepted if a.closure.source in gone or a.closure.target in gone]
+        if ended:
+            self._past.add(a.closure for a in ended)
+            over = {id(a) for a in ended}
+            self._accepted = [a for a in self._accepted if id(a) not in over]
+
+    def attempt(self, known: bool = False) -> bool:
         """Look for closures of the newest keyframe; whether keyframes have moved.
 
         Closures that change next to nothing are optimised a few at a time (`settle`).
+
+        Args:
+            known: the place has been seen often: one more closure says little, so that attempts are rarer.
         """
-        options = self._config.closing
         source = len(self._keyframes) - 1
         path = self._keyframes[source].path
-        if path - self._last_attempt < options.every:
+        options = self._config.closing
+        if path - self._last_attempt < (options.every_known if known else options.every):
             return False
-        anchors = self._older_anchors(source)
-        if not len(anchors):
+        if not len(self._places.anchors_before(source)):
             return False
         self._last_attempt = path
-        members = np.arange(max(0, source + 1 - options.query_keyframes), source + 1)
-        query = self._keyframes.surfels(source, members, QUERY_VOXEL)
-        appearance = describe(query.points)
-        anchors, covariances = self._candidates(source, anchors, appearance)
-        if not len(anchors):
+        proposals = self._propose(source)
+        self._expire()
+        if not proposals:
             return False
-        alike = self._similarities(anchors, appearance)
-        order = np.argsort(-alike, kind="stable")
-        order = order[alike[order] >= options.similarity][: options.candidates]
-        poses = self._graph.poses
-        worth = self._sensor.return_information(options.information_scale)
-        proposals = []
-        for i in order:
-            window = self._window(covariances[i])
-            T_predicted = se2.between(poses[anchors[i]], poses[source])
-            closure = verify(
-                self._submap(int(anchors[i])), query, source, T_predicted, window,
-                np.linalg.inv(covariances[i] + FLOOR) / worth, float(alike[i]),
-                self._verification(), self._sensor.alignment,
-            )  # fmt: skip
-            proposals.append(self._gate(closure, T_predicted, covariances[i]))
-        return self._decide(proposals)
+        accepted = len(self._accepted)
+        moved = self._decide(proposals)
+        if len(self._accepted) == accepted:
+            self._open.append(source)
+        elif len(self._accepted) > accepted + 1:  # with its supporters
+            closed = {a.closure.source for a in self._accepted[accepted:]}
+            self._open = deque((k for k in self._open if k not in closed), self._open.maxlen)
+            self._catch_up()
+        return moved
 
-    # --- candidates -------------------------------------------------------------------------------------------------
+    def _propose(self, source: int) -> list[Closure]:
+        """Match a keyframe against the places where it may be."""
+        query = self._places.query(source)
+        candidates = find_candidates(self._graph, self._places, query, self._config.closing)
+        return [self._match(query, candidate) for candidate in candidates]
 
-    def _older_anchors(self, source: int) -> NDArray[np.int64]:
-        """Anchors whose submaps are complete, a good stretch of path before the source."""
-        options = self._config.closing
-        paths = self._keyframes.paths
-        last = min(source - options.submap_keyframes, int(np.searchsorted(paths, paths[source] - options.path)))
-        return np.arange(0, max(last, 0), options.anchor_every, dtype=np.int64)
+    def _match(self, query: Query, candidate: Candidate) -> Closure:
+        """The evidence for one candidate."""
+        verification = self._verification()
+        submap = self._places.submap(candidate.anchor)
+        worth = self._sensor.return_information(self._config.closing.information_scale)
+        prior = np.linalg.inv(candidate.covariance + FLOOR) / worth
+        closure = verify(
+            submap, query.surfels, query.source, candidate.T_predicted, candidate.centre, candidate.half_window, prior,
+            candidate.similarity, verification, self._sensor.alignment, may_slide=candidate.is_near,
+        )  # fmt: skip
+        if closure.verdict is not Verdict.WAITING:
+            return closure
+        closure = look_back(closure, submap, self._places.submap_of(query.source, query.members), verification)
+        closure = replace(closure, information=self._information(closure), is_certain=candidate.is_certain)
+        return self._gate(closure, candidate)
 
-    def _candidates(
-        self, source: int, anchors: NDArray[np.int64], appearance: Array
-    ) -> tuple[NDArray[np.int64], Array]:
-        """Anchors that may be near the source, given its uncertainty, with relative covariances.
+    def _information(self, closure: Closure) -> Array:
+        """What a match is worth to the graph: that of its returns, and of the ways along which they were seen."""
+        worth = self._sensor.return_information(self._config.closing.information_scale)
+        of_returns = without_normal_noise(closure.information, self._sensor.normal_variance)
+        information = worth * of_returns + LEAST_INFORMATION
+        return np.asarray(np.linalg.inv(np.linalg.inv(information) + self._deformation(closure)), dtype=np.float64)
 
-        The nearest ones; and while the robot may be far from where it is believed, those within its uncertainty
-        that look most alike.
+    def _deformation(self, closure: Closure) -> Array:
+        """Covariance ``(3, 3)`` that a closure owes to query and submap being bent, in the tangent of its pose.
+
+        Along a bare corridor only odometry tells how far apart the keyframes of a submap are, so that surfaces at one
+        end of it are uncertain by that against those at the other. Half of the query's and of the submap's way counts;
+        what is equal in all directions does not, since the match itself knows it. Odometry is trusted no more than in
+        the prediction (`ClosingOptions.caution`).
         """
         options = self._config.closing
-        poses = self._graph.poses
-        tree = cKDTree(poses[anchors, :2])
-        position = poses[source, :2]
-        ceiling = options.window_ceiling[0] + options.reach
-        found = tree.query(position, k=SHORTLIST, distance_upper_bound=ceiling)
-        near = anchors[np.asarray(found[1])[np.isfinite(found[0])]]
-        if not len(near):
-            return near, np.zeros((0, 3, 3))
-        covariances, spread = self._uncertainty(source, near)
-        if spread.max() > options.reach:
-            within = tree.query_ball_point(position, min(options.reach + float(spread.max()), ceiling))
-            wide = np.setdiff1d(anchors[np.asarray(within, dtype=np.int64)], near)
-            alike = self._similarities(wide, appearance)
-            wide = wide[np.argsort(-alike, kind="stable")[:SHORTLIST]]
-            if len(wide):
-                near = np.concatenate([near, wide])
-                covariances, spread = self._uncertainty(source, near)
-        possible = np.hypot(*(poses[near, :2] - position).T) <= options.reach + spread
-        return near[possible], covariances[possible]
+        half = options.submap_keyframes // 2
+        total = np.zeros((2, 2))
+        for keyframe, last in ((closure.source, closure.source), (closure.target, closure.target + half)):
+            way = np.arange(max(last - half, 0) + 1, last + 1)
+            turns = se2.matrix(self._keyframes.relative(keyframe, way))[:, :2, :2]
+            if keyframe == closure.target:
+                turns = se2.matrix(se2.inverse(closure.T_target_source))[:2, :2] @ turns
+            total += (turns @ self._keyframes.step_covariances(way) @ turns.transpose(0, 2, 1)).sum(axis=0)
+        total *= options.caution
+        out = np.zeros((3, 3))
+        out[:2, :2] = total - np.linalg.eigvalsh(total)[0] * np.eye(2)
+        return out
 
-    def _uncertainty(self, source: int, anchors: NDArray[np.int64]) -> tuple[Array, Array]:
-        """Covariances ``(A, 3, 3)`` of the source seen from anchors, and how far off it may be, metres."""
-        covariances = self._config.closing.caution * self._graph.relative_covariances(source, anchors)
-        return covariances, self._config.closing.sigmas * np.sqrt(covariances[:, 0, 0] + covariances[:, 1, 1])
+    def _catch_up(self) -> None:
+        """Try keyframes again that could not be closed, the latest first, now that the robot knows where it is.
 
-    def _similarities(self, anchors: NDArray[np.int64], appearance: Array) -> Array:
-        if not len(anchors):
-            return np.zeros(0)
-        return similarity(np.stack([self._describe(int(a)) for a in anchors]), appearance)
-
-    def _window(self, covariance: Array) -> Array:
-        options = self._config.closing
-        sigma = np.sqrt(np.array([covariance[0, 0] + covariance[1, 1], covariance[2, 2]]))
-        half = np.clip(options.sigmas * sigma, options.window_floor, options.window_ceiling)
-        return np.array([half[0], half[0], half[1]])
-
-    def _members(self, anchor: int) -> NDArray[np.int64]:
-        half = self._config.closing.submap_keyframes
-        return np.arange(max(0, anchor - half), min(len(self._keyframes), anchor + half + 1))
-
-    def _submap(self, anchor: int) -> Submap:
-        if anchor in self._submaps:
-            self._submaps.move_to_end(anchor)
-            return self._submaps[anchor]
-        members = self._members(anchor)
-        submap = build_submap(
-            anchor, self._keyframes.clouds(members), self._keyframes.relative(anchor, members),
-            self._keyframes.sensors(members),
-        )  # fmt: skip
-        self._submaps[anchor] = submap
-        if len(self._submaps) > self._config.closing.cached_submaps:
-            self._submaps.popitem(last=False)
-        return submap
-
-    def _describe(self, anchor: int) -> Array:
-        if anchor not in self._descriptors:
-            surfels = self._keyframes.surfels(anchor, self._members(anchor), QUERY_VOXEL)
-            self._descriptors[anchor] = describe(surfels.points)
-        return self._descriptors[anchor]
+        Each that is closed makes the ones before it certain in turn.
+        """
+        left: list[int] = []
+        missed = 0
+        while self._open and missed < MISSES:
+            source = self._open.pop()
+            proposals = self._propose(source)
+            accepted = len(self._accepted)
+            if any(p.is_certain or p.is_partial for p in proposals):
+                self._waiting = [w for w in self._waiting if w.source != source]
+                self._rejected.forget(source)
+                self._decide(proposals)
+                self.settle()
+            if len(self._accepted) > accepted:
+                missed = 0
+            else:
+                missed += 1
+                left.append(source)
+        self._open.extend(reversed(left))
 
     # --- decisions --------------------------------------------------------------------------------------------------
 
-    def _gate(self, closure: Closure, T_predicted: Array, covariance: Array) -> Closure:
+    def _gate(self, closure: Closure, candidate: Candidate) -> Closure:
         """Agreement with the graph: the innovation against its covariance."""
-        if closure.verdict is not Verdict.WAITING:
-            return closure
-        error = se2.between(T_predicted, closure.T_target_source)
-        distance = float(error @ np.linalg.solve(covariance + FLOOR, error))
-        if distance > self._config.closing.gate:
-            return replace(closure, verdict=Verdict.DISAGREES)
-        return closure
+        error = se2.between(candidate.T_predicted, closure.T_target_source)
+        distance = float(error @ np.linalg.solve(candidate.covariance + FLOOR, error))
+        disagrees = closure.verdict is Verdict.WAITING and distance > self._config.closing.gate
+        return replace(closure, distance=distance, verdict=Verdict.DISAGREES if disagrees else closure.verdict)
 
     def _decide(self, proposals: list[Closure]) -> bool:
-        """Confirm what has support; keep waiting what may still get it."""
-        self._rejected += [p for p in proposals if p.verdict is not Verdict.WAITING]
+        """Confirm what has support, keep waiting what may still get it; whether keyframes have moved."""
         candidates = [p for p in proposals if p.verdict is Verdict.WAITING]
+        self._rejected.add(p for p in proposals if p.verdict is not Verdict.WAITING)
         if not candidates:
-            self._expire()
             return False
-        best = max(candidates, key=lambda c: c.likelihood * c.overlap)
-        if any(not self._agree(best, c) for c in candidates):
-            self._rejected += [replace(c, verdict=Verdict.AMBIGUOUS) for c in candidates]
-            self._expire()
+        best = max(candidates, key=lambda c: (not c.is_partial, c.likelihood * c.overlap))
+        if any(not self._agree(best, rival) for rival in self._rivals(best, proposals)):
+            self._rejected.add(replace(c, verdict=Verdict.AMBIGUOUS) for c in candidates)
             return False
-        supporters: list[Closure] = []
-        if not self._is_tracked(best):
-            supporters = [w for w in self._waiting if w.source != best.source and self._agree(best, w)]
-            if len({w.source for w in supporters}) < self._config.closing.supporters:
-                self._waiting += candidates
-                self._expire()
-                return False
+        supporters = [] if self._is_tracked(best) else self._supporters(best)
+        if supporters is None:
+            self._waiting += candidates
+            return False
         for closure in [best, *supporters]:
-            self._accept(closure)
-        self._rejected += [replace(c, verdict=Verdict.REDUNDANT) for c in candidates if c is not best]
+            self._accept(replace(closure, supporters=len(supporters)))
+        self._rejected.add(replace(c, verdict=Verdict.REDUNDANT) for c in candidates if c is not best)
         taken = {id(closure) for closure in supporters}
         self._waiting = [w for w in self._waiting if id(w) not in taken]
-        self._expire()
         self._pending += 1
         options = self._config.closing
         settled = best.innovation[0] < options.settled[0] and best.innovation[1] < options.settled[1]
-        if settled and self._pending < options.batch:
+        if settled and not supporters and self._pending < options.batch:
             return False
         self.settle()
         return True
+
+    def _rivals(self, best: Closure, proposals: list[Closure]) -> list[Closure]:
+        """What must agree with the best proposal: all others that stand, and while the robot may be anywhere those
+        that match as well, though at several poses."""
+        ratio = self._config.verification.rival_ratio
+        return [p for p in proposals if p.verdict is Verdict.WAITING or (
+            p.verdict is Verdict.AMBIGUOUS and not best.is_certain and p.likelihood >= ratio * best.likelihood)]
+
+    def _supporters(self, best: Closure) -> list[Closure] | None:
+        """Waiting closures that agree with one, one for each stretch of path; None if they are too few."""
+        options = self._config.closing
+        agreeing = [w for w in self._waiting if w.source != best.source and self._agree(best, w)]
+        chosen = [best]
+        for closure in sorted(agreeing, key=lambda w: w.likelihood * w.overlap, reverse=True):
+            path = self._keyframes.paths[closure.source]
+            if all(abs(path - self._keyframes.paths[c.source]) >= options.support_apart for c in chosen):
+                chosen.append(closure)
+        return chosen[1:] if len(chosen) > options.supporters else None
 
     def settle(self) -> None:
         """Optimise with the closures that were accepted since the last time, and withdraw what no longer fits."""
@@ -232,34 +253,27 @@ class LoopCloser:
 
     def _is_tracked(self, closure: Closure) -> bool:
         distance, angle = self._config.closing.tracked
-        return bool(self._accepted) and closure.innovation[0] < distance and closure.innovation[1] < angle
+        known = closure.is_certain or closure.is_partial  # the latter tells nothing of what is not known
+        return known and bool(self._accepted) and closure.innovation[0] < distance and closure.innovation[1] < angle
 
     def _agree(self, a: Closure, b: Closure) -> bool:
-        keyframes = self._keyframes
-        path = abs(keyframes[a.source].path - keyframes[b.source].path) + abs(
-            keyframes[a.target].path - keyframes[b.target].path
-        )
-        T_source = se2.between(keyframes[a.source].T_local_robot, keyframes[b.source].T_local_robot)
+        paths = self._keyframes.paths
+        path = abs(paths[a.source] - paths[b.source]) + abs(paths[a.target] - paths[b.target])
+        T_source = self._keyframes.relative(a.source, np.array([b.source]))[0]
         poses = self._graph.poses
         T_target = se2.between(poses[a.target], poses[b.target])
         return agree(a, b, T_source, T_target, path, self._config.consistency)
 
     def _expire(self) -> None:
         """Turn down what has waited in vain."""
-        path = self._keyframes[len(self._keyframes) - 1].path - self._config.closing.support_path
-        old = [w for w in self._waiting if self._keyframes[w.source].path < path]
-        self._rejected += [replace(w, verdict=Verdict.ALONE) for w in old]
-        self._waiting = [w for w in self._waiting if self._keyframes[w.source].path >= path]
+        paths = self._keyframes.paths
+        path = paths[-1] - self._config.closing.support_path
+        self._rejected.add(replace(w, verdict=Verdict.ALONE) for w in self._waiting if paths[w.source] < path)
+        self._waiting = [w for w in self._waiting if paths[w.source] >= path]
 
     def _accept(self, closure: Closure) -> None:
-        information = self._information(closure.information)
         closure = replace(closure, verdict=Verdict.CONFIRMED)
-        self._accepted.append(_Accepted(closure, self._graph.add_closure(closure, information)))
-
-    def _information(self, of_returns: Array) -> Array:
-        """What closures ``(..., 3, 3)`` tell the graph."""
-        worth = self._sensor.return_information(self._config.closing.information_scale)
-        return worth * without_normal_noise(of_returns, self._sensor.normal_variance) + LEAST_INFORMATION
+        self._accepted.append(_Accepted(closure, self._graph.add_closure(closure, closure.information)))
 
     def _verification(self) -> VerificationOptions:
         """The limits, the one on residuals no tighter than the noise of returns allows."""
@@ -273,7 +287,7 @@ class LoopCloser:
         poses = self._graph.poses
         closures = [a.closure for a in self._accepted]
         measured = np.stack([c.T_target_source for c in closures])
-        information = self._information(np.stack([c.information for c in closures]))
+        information = np.stack([c.information for c in closures])
         between = se2.between(poses[[c.target for c in closures]], poses[[c.source for c in closures]])
         error = se2.between(measured, between)
         residual = np.einsum("mi,mij,mj->m", error, information, error)
@@ -282,6 +296,6 @@ class LoopCloser:
             return
         for accepted in (self._accepted[i] for i in np.flatnonzero(contradicted)):
             self._graph.remove(accepted.factor)
-            self._rejected.append(replace(accepted.closure, verdict=Verdict.WITHDRAWN))
+            self._rejected.add([replace(accepted.closure, verdict=Verdict.WITHDRAWN)])
         self._accepted = [self._accepted[i] for i in np.flatnonzero(~contradicted)]
         self._graph.optimise()

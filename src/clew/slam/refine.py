@@ -26,17 +26,25 @@ from clew.slam.sensor import SensorModel
 from clew.solve import optimize
 
 Array = NDArray[np.float64]
+Index = NDArray[np.int64]
 
 RADII = ((0.3, 0.15), (0.2, 0.1), (0.1, 0.08))  # metres; the search for partners narrows from round to round
 WEAK_PRIOR = np.diag([1 / 0.05**2, 1 / 0.05**2, 1 / 0.02**2])  # keeps a pair in place where its returns say nothing
 RECENT = 10  # keyframes on the same stretch of path
 KERNEL = 3.0
+PAIRS_AT_ONCE = 2000  # whose returns are laid out together: memory of the alignment does not grow with the map
 
 
-def overlapping_pairs(poses: Array, radius: float, neighbours: int) -> NDArray[np.int32]:
+def overlapping_pairs(poses: Array, radius: float, neighbours: int, numbers: Index | None = None) -> NDArray[np.int32]:
     """Pairs ``(P, 2)`` of keyframes near each other, the older first: those next in time, and the nearest others.
 
     A third of the neighbours may come from the same stretch of path, so that the rest ties different visits together.
+
+    Args:
+        poses: ``(K, 3)``, in the order of time.
+        radius: how near, metres.
+        neighbours: at most so many a keyframe.
+        numbers: ``(K,)`` in the order in which they were taken, with gaps where others have been left out since.
     """
     count = len(poses)
     tree = cKDTree(poses[:, :2])
@@ -44,7 +52,8 @@ def overlapping_pairs(poses: Array, radius: float, neighbours: int) -> NDArray[n
     if not len(pairs):
         return np.zeros((0, 2), dtype=np.int32)
     distance = np.hypot(*(poses[pairs[:, 0], :2] - poses[pairs[:, 1], :2]).T)
-    recent = np.abs(pairs[:, 1] - pairs[:, 0]) <= RECENT
+    taken = np.arange(count) if numbers is None else numbers
+    recent = np.abs(taken[pairs[:, 1]] - taken[pairs[:, 0]]) <= RECENT
     kept = np.zeros(len(pairs), dtype=np.bool_)
     for chosen, limit in ((recent, neighbours // 3), (~recent, neighbours - neighbours // 3)):
         rows = np.flatnonzero(chosen)
@@ -69,8 +78,8 @@ def refine(
     The edges that it has stay: odometry and closures know what single scans do not, along a bare corridor above all.
 
     Args:
-        keyframes: all keyframes.
-        graph: odometry and closures; keys are the indices of the keyframes, values are where to begin. Left as it is.
+        keyframes: all keyframes that have not been dropped.
+        graph: odometry and closures; keys are the numbers of the keyframes, values are where to begin. Left as it is.
         config: `SlamConfig.refinement` and `threads` are used.
         sensor: how returns are weighted.
         progress: called with the rounds done, beginning with 0, and the most there can be.
@@ -78,17 +87,18 @@ def refine(
     options = config.refinement
     if progress is not None:
         progress(0, options.rounds)
-    count = len(keyframes)
-    clouds = join([index_cloud(keyframes[k].points) for k in range(count)])
+    numbers = keyframes.alive
+    clouds = [index_cloud(cloud) for cloud in keyframes.clouds(numbers)]
     graph = graph.copy()
-    poses = np.asarray(graph.values(np.arange(count)).array)
+    poses = np.asarray(graph.values(numbers).array)
     added: NDArray[np.int64] | None = None
     for round_ in range(options.rounds):
-        factor = _pair_factor(clouds, poses, round_, config, sensor)
+        factor = _pair_factor(clouds, numbers, poses, round_, config, sensor)
         if added is not None:
             graph.remove(added)
         added = None if factor is None else np.atleast_1d(np.asarray(graph.add(factor)))
-        moved_to = np.asarray(optimize(graph, init="file", update=True).values(SE2).array)
+        optimize(graph, init="file", update=True)
+        moved_to = np.asarray(graph.values(numbers).array)
         movement = float(np.max(np.hypot(*(moved_to - poses)[:, :2].T)))
         poses = moved_to
         if progress is not None:
@@ -99,27 +109,43 @@ def refine(
 
 
 def _pair_factor(
-    clouds: IndexedClouds, poses: Array, round_: int, config: SlamConfig, sensor: SensorModel
+    clouds: list[IndexedClouds], numbers: Index, poses: Array, round_: int, config: SlamConfig, sensor: SensorModel
 ) -> Between | None:
     """Scan-to-scan edges of all overlapping pairs, aligned from the present poses."""
     options = config.refinement
-    pairs = overlapping_pairs(poses, options.radius, options.neighbours)
+    pairs = overlapping_pairs(poses, options.radius, options.neighbours, numbers)
     if not len(pairs):
         return None
+    pairs = pairs[np.lexsort((pairs[:, 1], pairs[:, 0]))]
+    parts = [
+        _align_part(clouds, pairs[begin : begin + PAIRS_AT_ONCE], poses, round_, config, sensor)
+        for begin in range(0, len(pairs), PAIRS_AT_ONCE)
+    ]
+    T, overlap, returns = (np.concatenate(columns) for columns in zip(*parts, strict=True))
+    good = overlap >= options.overlap
+    if not good.any():
+        return None
+    keys = numbers[pairs[good]]
+    worth = sensor.return_information(options.information_scale)
+    information = worth * without_normal_noise(returns[good], sensor.normal_variance) + LEAST_INFORMATION
+    return Between(
+        keys[:, 0], keys[:, 1], SE2.from_array(T[good]),
+        information=information, role=Role.LOOP, kernel=Cauchy(KERNEL),
+    )  # fmt: skip
+
+
+def _align_part(
+    clouds: list[IndexedClouds], pairs: NDArray[np.int32], poses: Array, round_: int, config: SlamConfig,
+    sensor: SensorModel,
+) -> tuple[Array, Array, Array]:
+    """Relative poses ``(P, 3)``, overlaps ``(P,)`` and informations of the returns ``(P, 3, 3)``."""
     start, end = RADII[min(round_, len(RADII) - 1)]
-    T_start = se2.between(poses[pairs[:, 0]], poses[pairs[:, 1]])
+    rows, local = np.unique(pairs, return_inverse=True)
+    batch = join([clouds[row] for row in rows])
     fine = align(
-        clouds, clouds.as_sources(), pairs, T_start,
+        batch, batch.as_sources(), np.asarray(local.reshape(-1, 2), dtype=np.int32),
+        se2.between(poses[pairs[:, 0]], poses[pairs[:, 1]]),
         prior_information=np.broadcast_to(WEAK_PRIOR, (len(pairs), 3, 3)),
         options=replace(sensor.alignment, radius_start=start, radius_end=end), threads=config.threads,
     )  # fmt: skip
-    good = fine.overlap >= options.overlap
-    if not good.any():
-        return None
-    pairs = pairs[good]
-    worth = sensor.return_information(options.information_scale)
-    information = worth * without_normal_noise(fine.information[good], sensor.normal_variance) + LEAST_INFORMATION
-    return Between(
-        pairs[:, 0].astype(np.int64), pairs[:, 1].astype(np.int64), SE2.from_array(fine.T_target_source[good]),
-        information=information, role=Role.LOOP, kernel=Cauchy(KERNEL),
-    )  # fmt: skip
+    return fine.T_target_source, fine.overlap, fine.information

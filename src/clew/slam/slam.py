@@ -19,10 +19,13 @@ from clew.slam.config import SlamConfig
 from clew.slam.keyframes import KeyframeStore
 from clew.slam.loop_closing import LoopCloser
 from clew.slam.pose_graph import PoseGraph, chi2
+from clew.slam.pruning import Pruned, Pruner
 from clew.slam.refine import refine
+from clew.slam.scans import ScanStore
 from clew.slam.sensor import SensorModel
-from clew.slam.tracking import TrackedScan, Tracker
+from clew.slam.tracking import Tracker
 from clew.slam.viewer import GuardedViewer, NullViewer, Viewer
+from clew.solve import Solution, optimize
 
 Array = NDArray[np.float64]
 
@@ -71,9 +74,9 @@ class Slam:
         self._tracker = Tracker(self._keyframes, self.config, self._sensor)
         self._pose_graph = PoseGraph(self.config.closing.kernel_scale)
         self._closer = LoopCloser(self._keyframes, self._pose_graph, self.config, self._sensor)
-        self._scans: list[LaserScan] = []
-        self._tracked: list[TrackedScan] = []
-        self._T_odom_robot: list[Array] = []
+        self._pruner = Pruner(self._keyframes, self._pose_graph, self.config)
+        self._scans = ScanStore(self.config.pruning.scans)
+        self._last_scan: LaserScan | None = None
         self._refined: FactorGraph | None = None
         self._viewer: Viewer = NullViewer() if viewer is None else GuardedViewer(viewer)
 
@@ -108,10 +111,10 @@ class Slam:
                 though it is expected.
         """
         _check(scan)
-        if self._scans and scan.timestamp <= self._scans[-1].timestamp:
+        if len(self._scans) and scan.timestamp <= self._scans.timestamps[-1]:
             raise InputError(
                 f"the scan at {scan.timestamp:.6f} s is not later than the last one, at "
-                f"{self._scans[-1].timestamp:.6f} s: sort scans by time"
+                f"{self._scans.timestamps[-1]:.6f} s: sort scans by time"
             )
         T_odom_robot = self._odometry.at(scan.timestamp) if self._use_odometry else None
         if T_odom_robot is None and self._use_odometry:
@@ -122,16 +125,22 @@ class Slam:
         self._sensor.see(scan)
         scan = self._without_motion(scan, T_odom_robot)
         tracked = self._tracker.track(scan, T_odom_robot)
-        self._scans.append(scan)
-        self._tracked.append(tracked)
-        if T_odom_robot is not None:
-            self._T_odom_robot.append(T_odom_robot)
+        self._scans.add(scan, tracked.keyframe, tracked.T_keyframe_robot, T_odom_robot)
+        self._last_scan = scan
         self._refined = None
         if tracked.is_keyframe:
             self._pose_graph.add_keyframe(self._keyframes[tracked.keyframe])
-            self._closer.attempt()
+            self._closer.attempt(self._pruner.crowded(tracked.keyframe))
+            self._prune()
         self._viewer.update(self)
         return self.pose
+
+    def _prune(self) -> None:
+        """Take out keyframes that say nothing new."""
+        gone = self._pruner.prune(self._closer.needed)
+        self._closer.forget(gone)
+        for keyframe in gone:
+            self._scans.forget(keyframe)
 
     def _without_motion(self, scan: LaserScan, T_odom_robot: Array | None) -> LaserScan:
         """The scan as of its timestamp: what the robot moved during the sweep is taken out."""
@@ -148,7 +157,7 @@ class Slam:
     def optimise(self) -> None:
         """Move all keyframes to where odometry and closures agree best, the latest closures included."""
         self._closer.settle()
-        self._pose_graph.optimise()
+        self._pose_graph.optimise(to_the_end=True)
         self._viewer.moved(self)
 
     def refine(self, progress: Callable[[int, int], None] | None = None) -> None:
@@ -170,7 +179,8 @@ class Slam:
     @property
     def time_span(self) -> tuple[float, float]:
         """Timestamps of the first and the last scan; zeros before any."""
-        return (self._scans[0].timestamp, self._scans[-1].timestamp) if self._scans else (0.0, 0.0)
+        stamps = self._scans.timestamps
+        return (float(stamps[0]), float(stamps[-1])) if len(stamps) else (0.0, 0.0)
 
     @property
     def scan_count(self) -> int:
@@ -180,52 +190,64 @@ class Slam:
     @property
     def pose(self) -> SE2:
         """``T_world_robot`` at the last scan."""
-        if not self._tracked:
+        if not len(self._scans):
             return SE2.identity()
-        last = self._tracked[-1]
-        return SE2.from_array(se2.compose(self._pose_graph.poses[last.keyframe], last.T_keyframe_robot))
+        keyframe = self._scans.keyframes[-1]
+        return SE2.from_array(se2.compose(self._pose_graph.poses[keyframe], self._scans.T_keyframe_robot[-1]))
 
     @property
     def trajectory(self) -> Trajectory:
         """One pose for every scan."""
-        stamps = np.array([scan.timestamp for scan in self._scans])
-        if not self._tracked:
-            return Trajectory(stamps, np.zeros((0, 3)))
-        keyframes = np.array([t.keyframe for t in self._tracked])
-        relative = np.stack([t.T_keyframe_robot for t in self._tracked])
-        return Trajectory(stamps, se2.compose(self._pose_graph.poses[keyframes], relative))
+        keyframes = self._pose_graph.follow()[self._scans.keyframes]
+        return Trajectory(self._scans.timestamps.copy(), se2.compose(keyframes, self._scans.T_keyframe_robot))
 
     @property
     def odometry(self) -> Trajectory:
         """What odometry alone says, from the world's origin; empty without odometry."""
-        if not self._T_odom_robot:
+        poses = self._scans.T_odom_robot
+        if not len(poses):
             return Trajectory(np.zeros(0), np.zeros((0, 3)))
-        stamps = np.array([scan.timestamp for scan in self._scans])
-        poses = np.stack(self._T_odom_robot)
-        return Trajectory(stamps, se2.between(poses[0], poses))
+        return Trajectory(self._scans.timestamps.copy(), se2.between(poses[0], poses))
 
     @property
     def keyframes(self) -> Trajectory:
-        """Poses of the keyframes; the rows are the keys of the graph."""
-        stamps = np.array([self._keyframes[k].timestamp for k in range(len(self._keyframes))])
-        if not len(stamps):
-            return Trajectory(stamps, np.zeros((0, 3)))
-        return Trajectory(stamps, self._pose_graph.poses)
+        """Poses of the keyframes that the graph holds; the rows are its keys, in their order."""
+        kept = self._keyframes.alive
+        return Trajectory(self._keyframes.timestamps[kept], self._pose_graph.poses[kept])
+
+    @property
+    def every_keyframe(self) -> Trajectory:
+        """Poses of all keyframes that were taken, with those that have been pruned since: closures name these rows."""
+        return Trajectory(self._keyframes.timestamps.copy(), self._pose_graph.follow().copy())
+
+    @property
+    def pruned(self) -> Pruned:
+        """How many keyframes were taken out because others say the same, and the information that was lost."""
+        return self._pruner.pruned
 
     @property
     def last_scan(self) -> LaserScan | None:
         """The scan that was taken last, or None before any."""
-        return self._scans[-1] if self._scans else None
+        return self._last_scan
 
     @property
     def keyframe_points(self) -> list[Array]:
-        """Returns ``(n, 2)`` of each keyframe's scan in the robot's frame, metres, in the order of the beams."""
-        return [self._keyframes[k].points.points for k in range(len(self._keyframes))]
+        """Returns ``(n, 2)`` of each of `keyframes` in the robot's frame, metres, in the order of the beams."""
+        return [cloud.points for cloud in self._keyframes.clouds(self._keyframes.alive)]
+
+    @property
+    def keyframe_numbers(self) -> NDArray[np.int64]:
+        """Row ``(K,)`` of each of `keyframes` in `every_keyframe`; closures name these."""
+        return self._keyframes.alive
 
     @property
     def graph(self) -> FactorGraph:
         """The graph of keyframes: odometry and loop edges at the present poses."""
         return self._pose_graph.graph if self._refined is None else self._refined
+
+    def solution(self) -> Solution:
+        """`graph` with the Gaussian around the present poses: covariances, and what the measurements leave open."""
+        return optimize(self.graph, init="file", max_iterations=0)
 
     @property
     def chi2(self) -> float:
@@ -234,8 +256,13 @@ class Slam:
 
     @property
     def closures(self) -> list[Closure]:
-        """Loop closures that are believed."""
+        """Loop closures that are believed, by rows of `every_keyframe`."""
         return self._closer.accepted
+
+    @property
+    def closure_count(self) -> int:
+        """How many loop closures are believed; quicker than asking for them."""
+        return self._closer.accepted_count
 
     @property
     def rejected_closures(self) -> list[Closure]:
@@ -245,21 +272,24 @@ class Slam:
     @property
     def sensor(self) -> dict[str, object]:
         """What the log has told about laser and odometry, in plain numbers."""
-        return self._sensor.report() if self._scans else {}
+        return self._sensor.report() if len(self._scans) else {}
 
     def map(self, resolution: float | None = None, progress: Callable[[int, int], None] | None = None) -> OccupancyGrid:
-        """Occupancy grid of all scans at the present trajectory, without what did not stay (`moving_returns`).
+        """Occupancy grid of the scans at the present trajectory, without what did not stay (`moving_returns`).
+
+        Scans of keyframes that were pruned are not among them: others saw the same.
 
         Raises:
             InputError: there is no scan yet.
         """
-        if not self._scans:
+        if not len(self._scans):
             raise InputError("no scan yet: a map needs at least one")
-        poses = self.trajectory.T_world_robot
+        numbers, scans = self._scans.kept()
+        poses = self.trajectory.T_world_robot[numbers]
         return build_occupancy_grid(
-            self._scans,
+            scans,
             poses,
-            exclude=moving_returns(self._scans, poses),
+            exclude=moving_returns(scans, poses),
             resolution=resolution or self.config.map_resolution,
             progress=progress,
         )

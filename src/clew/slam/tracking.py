@@ -262,7 +262,7 @@ class Tracker:
 
     def _build_map(self, index: int) -> _LocalMap:
         options = self._config.tracking
-        members = np.arange(max(0, index + 1 - options.map_keyframes), index + 1)
+        members = self._keyframes.between(index + 1 - options.map_keyframes, index + 1)
         surfels = self._keyframes.surfels(index, members, options.voxel)
         pyramid = build_pyramid(
             surfels.points, resolution=options.resolution, sigma=options.sigma, levels=PYRAMID_LEVELS

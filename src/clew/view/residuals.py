@@ -10,7 +10,7 @@ from scipy.stats import chi2
 
 from clew.evaluate import ROLES, FactorResiduals
 from clew.graph import Role
-from clew.view.chart import chart, describe, heading, key_above
+from clew.view.chart import chart, describe, heading, key_below
 from clew.view.style import LIGHT, Theme, font
 
 Index = NDArray[np.int64]
@@ -40,7 +40,7 @@ def residuals_figure(
     figure, grid = chart(1600, 1000 if weighted else 640, 2 if weighted else 1, 1, theme, share_x=True)
     upper, lower = grid[0], grid[-1]
     colours = {Role.ODOMETRY: theme.trajectory, Role.LOOP: theme.closure, Role.OBSERVATION: theme.landmark,
-               Role.PRIOR: theme.rejected}
+               Role.PRIOR: theme.rejected, Role.MARGINAL: theme.muted}
     size = float(np.clip(6.0 - 1.2 * np.log10(max(len(residuals), 1)), 1.0, 4.0))
     start, ticks, labels, handles = 0, [], [], []
     for role in ROLES:
@@ -76,6 +76,6 @@ def residuals_figure(
         label.set_fontproperties(font(9))
     handles.append(Line2D([], [], color=theme.ink, linewidth=1.0, dashes=(4.0, 2.5),
                           label="1 % above if the noise is as stated"))
-    key_above(figure, handles, theme)
+    key_below(figure, handles, theme)
     heading(figure, title, theme)
     return figure

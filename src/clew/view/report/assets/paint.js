@@ -1,7 +1,7 @@
 // The layers of the map, and the ground on which they are drawn: kept as a picture, so that moving the map copies it.
 
 const CHI2_95 = { 2: 5.991464547107979, 3: 7.814727903251179 };
-const ROLES = ['odometry', 'observation', 'loop', 'prior'];
+const ROLES = ['odometry', 'observation', 'loop', 'prior', 'marginal'];
 const BELIEVED = 'confirmed';
 
 /** Half axes and direction of the 95 % region of a vertex as seen on the screen, metres; `c` is xx, xy, x3, yy, y3, 33. */
@@ -62,7 +62,7 @@ class Layers {
   /** Edges by role; odometry by robot, for there it is the path. */
   edges(scene) {
     const { ends, role, born, weight } = scene.edges;
-    const rows = { observation: [], odometry: [], loop: [], prior: [], doubted: [] };
+    const rows = { observation: [], odometry: [], loop: [], prior: [], marginal: [], doubted: [] };
     for (let e = 0; e < role.length; e++) rows[weight[e] < 0.5 ? 'doubted' : ROLES[role[e]]].push(e);
     const dense = scene.paths.some((path) => path.kind === 'trajectory');
     const simple = (id, label, on, alpha, width, mark = 'line') => {
@@ -80,6 +80,7 @@ class Layers {
     };
     simple('observation', 'sightings of landmarks', true, Math.min(0.4, 12 / Math.sqrt(rows.observation.length)), 1);
     simple('loop', dense ? 'scans aligned with each other' : 'loop edges', !dense, dense ? 0.35 : 0.7, 1);
+    simple('marginal', 'what pruned keyframes knew', false, 0.5, 1);
     if (rows.odometry.length) {
       const byRobot = scene.robots.map((_, robot) => new Segments(ends,
         rows.odometry.filter((e) => scene.robot[ends[2 * e]] === robot), born));
@@ -258,9 +259,10 @@ class Ground {
     }
     const outside = !same || Math.abs(dx) > made.margin || Math.abs(dy) > made.margin;
     const stale = outside || zoom !== 1;
-    const makeshift = same && stale && !resting && this.cost > 12 && zoom > 0.5 && zoom < 2 && (zoom !== 1);
+    const reach = this.cost > 60 ? 4 : 2; // how far a picture that is costly to make is stretched meanwhile
+    const makeshift = same && zoom !== 1 && !resting && this.cost > 12 && zoom > 1 / reach && zoom < reach;
     if (stale && !makeshift) {
-      this.make(camera, until, ratio, until === Infinity && resting !== 'moving');
+      this.make(camera, until, ratio, until === Infinity);
       dx = dy = 0;
       zoom = 1;
     }

@@ -1,0 +1,109 @@
+"""Where may the robot be again? Older places within its uncertainty, each with the window in which to search."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from clew.geometry import se2
+from clew.slam.config import ClosingOptions
+from clew.slam.places import Places, Query
+from clew.slam.pose_graph import PoseGraph
+
+Array = NDArray[np.float64]
+
+SHORTLIST = 12  # nearest anchors whose uncertainty and appearance are looked at
+LOST_SHORTLIST = 60  # and those that look most alike, while the robot may be far from where it is believed
+CERTAIN = 2.0  # metres; half of the window
+APART = 3.0  # metres; anchors nearer to each other than this are one place
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """An older place to match against.
+
+    Attributes:
+        anchor: keyframe whose submap it is.
+        similarity: likeness of the descriptors.
+        T_predicted: ``(3,)`` pose of the source seen from the anchor by the graph,
+        covariance: ``(3, 3)`` and its covariance, in the source's tangent.
+        centre: ``(3,)`` middle of the search window: what is predicted, or the anchor itself if that says little,
+        half_window: ``(3,)`` its half size, metres, metres, radians.
+    """
+
+    anchor: int
+    similarity: float
+    T_predicted: Array
+    covariance: Array
+    centre: Array
+    half_window: Array
+
+    @property
+    def is_certain(self) -> bool:
+        """Whether the robot is known well enough that a match beside it could not be another place."""
+        return bool(self.half_window[0] <= CERTAIN)
+
+    @property
+    def is_near(self) -> bool:
+        """Whether the window lies about the predicted pose."""
+        return self.centre is self.T_predicted
+
+
+def find_candidates(graph: PoseGraph, places: Places, query: Query, options: ClosingOptions) -> list[Candidate]:
+    """Older places where the robot may be, those that look most alike first.
+
+    While the robot is known to a few metres these are the nearest ones, searched about the predicted pose. Otherwise
+    every place within the uncertainty is one, found by its appearance and searched around, so that it does not matter
+    how far the robot has drifted.
+    """
+    anchors = places.anchors_before(query.source)
+    if not len(anchors):
+        return []
+    poses = graph.poses
+    position = poses[query.source, :2]
+    tree = cKDTree(poses[anchors, :2])
+    chosen = anchors[np.atleast_1d(tree.query(position, k=min(SHORTLIST, len(anchors)))[1])]
+    covariances, spread = _uncertainty(graph, query.source, chosen, options)
+    lost = bool(spread.max() > options.reach)
+    if lost:
+        within = tree.query_ball_point(position, options.reach + 2.0 * float(spread.max()))
+        wide = anchors[np.sort(np.asarray(within, dtype=np.int64))]
+        alike = places.similarities(wide, query.appearance)
+        chosen = np.union1d(chosen, wide[np.argsort(-alike, kind="stable")[:LOST_SHORTLIST]])
+        covariances, spread = _uncertainty(graph, query.source, chosen, options)
+    possible = np.hypot(*(poses[chosen, :2] - position).T) <= options.reach + spread
+    chosen, covariances = chosen[possible], covariances[possible]
+    alike = places.similarities(chosen, query.appearance)
+    most = options.lost_candidates if lost else options.candidates
+    candidates: list[Candidate] = []
+    for i in np.argsort(-alike, kind="stable"):
+        if alike[i] < options.similarity or len(candidates) >= most:
+            break
+        here = poses[chosen[i], :2]
+        if lost and any(np.hypot(*(poses[c.anchor, :2] - here)) < APART for c in candidates):
+            continue
+        T_predicted = se2.between(poses[chosen[i]], poses[query.source])
+        centre, half = _window(T_predicted, covariances[i], options)
+        candidates.append(Candidate(int(chosen[i]), float(alike[i]), T_predicted, covariances[i], centre, half))
+    return candidates
+
+
+def _uncertainty(
+    graph: PoseGraph, source: int, anchors: NDArray[np.int64], options: ClosingOptions
+) -> tuple[Array, Array]:
+    """Covariances ``(A, 3, 3)`` of the source seen from anchors, and how far off it may be, metres."""
+    covariances = options.caution * graph.relative_covariances(source, anchors)
+    return covariances, options.sigmas * np.sqrt(covariances[:, 0, 0] + covariances[:, 1, 1])
+
+
+def _window(T_predicted: Array, covariance: Array, options: ClosingOptions) -> tuple[Array, Array]:
+    """Middle and half size of the window."""
+    sigma = np.sqrt(np.array([covariance[0, 0] + covariance[1, 1], covariance[2, 2]]))
+    half = np.maximum(options.sigmas * sigma, options.window_floor)
+    centre = T_predicted
+    if half[0] > options.reach:  # the place itself is searched around, and others are candidates of their own
+        centre = np.array([0.0, 0.0, T_predicted[2]])
+    return centre, np.array([min(half[0], options.reach), min(half[0], options.reach), min(half[1], np.pi)])

@@ -1,0 +1,97 @@
+"""The places of a run: submaps about anchors and what they look like, made when they are asked for."""
+
+from __future__ import annotations
+
+from collections import OrderedDict
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from clew.place import DescriptorIndex, Submap, TurnedRings, build_submap
+from clew.scan import ScanPoints
+from clew.slam.config import SlamConfig
+from clew.slam.keyframes import KeyframeStore
+
+Array = NDArray[np.float64]
+
+QUERY_VOXEL = 0.05  # metres
+
+
+@dataclass(frozen=True)
+class Query:
+    """What is to be found again: the surroundings of keyframe `source` as seen until then, in its frame.
+
+    Attributes:
+        source: index of the keyframe.
+        members: keyframes that it is made of.
+        surfels: its points.
+        appearance: ``(d,)`` its descriptor.
+    """
+
+    source: int
+    members: NDArray[np.int64]
+    surfels: ScanPoints
+    appearance: Array
+
+
+class Places:
+    """Submaps and descriptors of keyframes."""
+
+    def __init__(self, keyframes: KeyframeStore, config: SlamConfig) -> None:
+        self._keyframes = keyframes
+        self._options = config.closing
+        self._submaps: OrderedDict[int, Submap] = OrderedDict()
+        self._descriptor = TurnedRings()
+        self._index = DescriptorIndex(self._descriptor)
+
+    def query(self, source: int) -> Query:
+        """What the robot saw on its way to a keyframe."""
+        members = self._keyframes.between(source + 1 - self._options.query_keyframes, source + 1)
+        surfels = self._keyframes.surfels(source, members, QUERY_VOXEL)
+        return Query(source, members, surfels, self._descriptor.describe([surfels])[0])
+
+    def anchors_before(self, source: int) -> NDArray[np.int64]:
+        """Anchors whose submaps are complete, a good stretch of path before the source."""
+        paths = self._keyframes.paths
+        far = int(np.searchsorted(paths, paths[source] - self._options.path))
+        last = min(source - self._options.submap_keyframes, far)
+        kept = self._keyframes.between(0, max(last, 0))
+        anchors: NDArray[np.int64] = kept[kept % self._options.anchor_every == 0]
+        return anchors
+
+    def submap(self, anchor: int) -> Submap:
+        """The submap about an anchor; the latest ones asked for are kept."""
+        if anchor in self._submaps:
+            self._submaps.move_to_end(anchor)
+            return self._submaps[anchor]
+        submap = self.submap_of(anchor, self._about(anchor))
+        self._submaps[anchor] = submap
+        if len(self._submaps) > self._options.cached_submaps:
+            self._submaps.popitem(last=False)
+        return submap
+
+    def submap_of(self, keyframe: int, members: NDArray[np.int64]) -> Submap:
+        """A submap of chosen keyframes in the frame of one of them."""
+        keyframes = self._keyframes
+        return build_submap(
+            keyframe, keyframes.clouds(members), keyframes.relative(keyframe, members), keyframes.sensors(members)
+        )
+
+    def similarities(self, anchors: NDArray[np.int64], appearance: Array) -> Array:
+        """Likeness ``(A,)`` of anchors with a descriptor."""
+        new = [int(a) for a in anchors if int(a) not in self._index]
+        if new:
+            surfels = [self._keyframes.surfels(a, self._about(a), QUERY_VOXEL) for a in new]
+            self._index.add(new, self._descriptor.describe(surfels))
+        return self._index.similarities(anchors, appearance)
+
+    def forget(self, keyframes: list[int]) -> None:
+        """Keyframes have been pruned: no more places of their own, but still part of the submaps that hold them."""
+        for keyframe in keyframes:
+            self._submaps.pop(keyframe, None)
+        self._index.remove([k for k in keyframes if k in self._index])
+
+    def _about(self, anchor: int) -> NDArray[np.int64]:
+        half = self._options.submap_keyframes
+        return self._keyframes.between(anchor - half, anchor + half + 1)
