@@ -5,11 +5,12 @@ BIN := $(VENV)/bin
 BENCH := .venv-bench
 SOURCES := pyproject.toml CMakeLists.txt $(shell find src native -name '*.py' -o -name '*.pyi' -o -name '*.cpp' -o -name '*.hpp')
 
-.PHONY: demo test lint bench native clean help
+.PHONY: demo test lint docs bench native clean help
 
 help:
 	@echo "make demo    simulate a robot in a building, map it, open demo/overview.png"
 	@echo "make test    lint, types and tests"
+	@echo "make docs    build the documentation, open build/site/index.html"
 	@echo "make bench   set up the peers and run the benchmarks (see benchmarks/README.md)"
 	@echo "make native  build the native module in place, for developers (PYTHON=...)"
 
@@ -25,6 +26,10 @@ $(VENV)/installed-test: $(BIN)/python $(SOURCES)
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check '.[test]'
 	@touch $@ $(VENV)/installed
 
+$(VENV)/installed-docs: $(BIN)/python $(SOURCES)
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check '.[docs]'
+	@touch $@ $(VENV)/installed
+
 # The peers have wishes of their own (NumPy 1), so they live apart.
 $(BENCH)/installed: $(SOURCES)
 	test -d $(BENCH) || $(PYTHON) -m venv $(BENCH)
@@ -35,8 +40,11 @@ $(BENCH)/installed: $(SOURCES)
 demo: $(VENV)/installed
 	$(BIN)/clew demo -o demo
 
+docs: $(VENV)/installed-docs
+	$(BIN)/sphinx-build -W --keep-going -q -E -b html docs build/site
+
 lint: $(VENV)/installed-test
-	$(BIN)/ruff check src tests benchmarks examples
+	$(BIN)/ruff check src tests benchmarks examples docs
 	$(BIN)/mypy
 
 test: lint
@@ -50,4 +58,4 @@ native:
 	cmake --build build/inplace --parallel 2
 
 clean:
-	rm -rf $(VENV) $(BENCH) build demo src/clew/*.so
+	rm -rf $(VENV) $(BENCH) build demo docs/drawings src/clew/*.so

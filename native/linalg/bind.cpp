@@ -4,6 +4,10 @@
 #include <algorithm>
 #include <memory>
 
+#if defined(__GLIBC__)
+#include <malloc.h>
+#endif
+
 #include "linalg/amd.hpp"
 #include "linalg/etree.hpp"
 #include "linalg/numeric.hpp"
@@ -164,6 +168,7 @@ void bind_analysis(nb::module_ m) {
         .def_prop_ro("fronts", &Symbolic::count)
         .def_ro("flops", &Symbolic::flops)
         .def_ro("nonzeros", &Symbolic::nonzeros)
+        .def_prop_ro("factor_bytes", [](const Symbolic& s) { return s.factor_size * 8; })
         .def("bytes", [](const Symbolic& s, int threads, bool keep_updates) {
             return (s.factor_size + make_schedule(s, threads, keep_updates).workspace_size) * 8;
         });
@@ -229,6 +234,12 @@ void bind_numeric(nb::module_ m) {
 }  // namespace
 
 void bind_linalg(nb::module_ m) {
+    m.def("release_memory", [] {
+#if defined(__GLIBC__)
+        nb::gil_scoped_release release;
+        malloc_trim(0);
+#endif
+    }, "Give what the allocator keeps of freed memory back to the system (glibc; elsewhere nothing is done).");
     bind_pattern(m);
     bind_analysis(m);
     bind_numeric(m);

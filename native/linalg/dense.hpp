@@ -42,13 +42,14 @@ struct DenseKernels {
     void (*solve_straight)(int32_t rows, int32_t n, const double* d, int64_t ldd, double* x, int64_t ldx,
                            double* scratch);
 
-    // One right-hand side. forward: x <- L11^-1 x, t = L21 x; backward: x <- L11^-T (x - L21^T t). `t` holds ldb.
-    void (*forward)(int32_t n, const double* d, int64_t ldd, int32_t rows, const double* b, int64_t ldb, double* x,
-                    double* t);
-    void (*backward)(int32_t n, const double* d, int64_t ldd, int32_t rows, const double* b, int64_t ldb, double* x,
+    // One right-hand side. forward: x <- L11^-1 x, t = L21 x; backward: x <- L11^-T (x - L21^T t). `d` holds the
+    // columns of the triangle without gaps, `t` ldb numbers.
+    void (*forward)(int32_t n, const double* d, int32_t rows, const double* b, int64_t ldb, double* x, double* t);
+    void (*backward)(int32_t n, const double* d, int32_t rows, const double* b, int64_t ldb, double* x,
                      const double* t);
 
-    // Extend-add of a child's update matrix u: what falls into the parent's panel, and the rest.
+    // Extend-add of a child's update matrix u (see update_matrix.hpp): what falls into the parent's panel, and the rest,
+    // which goes to the update matrix of the parent.
     void (*add_to_panel)(const double* u, int64_t ldu, const Run* runs, const Run* remaining, const Run* end, double* d,
                          int64_t ldd, double* b, int64_t ldb);
     void (*add_to_update)(const double* u, int64_t ldu, const Run* remaining, const Run* end, double* to, int64_t ldt);
@@ -56,4 +57,4 @@ struct DenseKernels {
 
 }  // namespace clew::linalg
 
-CLEW_DECLARE(const ::clew::linalg::DenseKernels& dense_kernels(); int64_t multiply_scratch(int32_t largest);)
+CLEW_DECLARE(const ::clew::linalg::DenseKernels& dense_kernels(); int64_t multiply_scratch();)

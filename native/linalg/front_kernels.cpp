@@ -1,6 +1,7 @@
 // One right-hand side through a front, and the extend-add of a child's update matrix into its parent.
 #include "linalg/front_kernels.hpp"
 #include "linalg/run.hpp"
+#include "linalg/update_matrix.hpp"
 #include "linalg/vector.hpp"
 
 namespace clew::CLEW_ISA {
@@ -44,12 +45,10 @@ inline void add(double* to, const double* from, int length) {
 
 }  // namespace
 
-void forward(int32_t n, const double* d, int64_t ldd, int32_t rows, const double* b, int64_t ldb, double* x,
-             double* t) {
-    for (int p = 0; p < n; ++p) {
-        const double* column = d + p * ldd;
-        x[p] *= column[p];
-        for (int q = p + 1; q < n; ++q) x[q] -= column[q] * x[p];
+void forward(int32_t n, const double* d, int32_t rows, const double* b, int64_t ldb, double* x, double* t) {
+    for (int p = 0; p < n; d += n - p, ++p) {
+        x[p] *= d[0];
+        for (int q = p + 1; q < n; ++q) x[q] -= d[q - p] * x[p];
     }
     int p = 0;
     for (; p + 4 <= n; p += 4) add_columns<4>(rows, b + p * ldb, ldb, x + p, t, p == 0);
@@ -61,18 +60,18 @@ void forward(int32_t n, const double* d, int64_t ldd, int32_t rows, const double
     }
 }
 
-void backward(int32_t n, const double* d, int64_t ldd, int32_t rows, const double* b, int64_t ldb, double* x,
-              const double* t) {
+void backward(int32_t n, const double* d, int32_t rows, const double* b, int64_t ldb, double* x, const double* t) {
     int p = 0;
     for (; p + 4 <= n; p += 4) subtract_dots<4>(rows, b + p * ldb, ldb, x + p, t);
     if (n - p == 3) subtract_dots<3>(rows, b + p * ldb, ldb, x + p, t);
     else if (n - p == 2) subtract_dots<2>(rows, b + p * ldb, ldb, x + p, t);
     else if (n - p == 1) subtract_dots<1>(rows, b + p * ldb, ldb, x + p, t);
+    const double* column = d + int64_t{n} * (n + 1) / 2;
     for (p = n - 1; p >= 0; --p) {
-        const double* column = d + p * ldd;
+        column -= n - p;
         double sum = x[p];
-        for (int q = p + 1; q < n; ++q) sum -= column[q] * x[q];
-        x[p] = sum * column[p];
+        for (int q = p + 1; q < n; ++q) sum -= column[q - p] * x[q];
+        x[p] = sum * column[0];
     }
 }
 
@@ -80,7 +79,7 @@ void add_to_panel(const double* u, int64_t ldu, const Run* runs, const Run* rema
                   int64_t ldd, double* b, int64_t ldb) {
     for (const Run* across = runs; across != remaining; ++across) {
         for (int j = 0; j < across->length; ++j) {
-            const double* from = u + (across->from + j) * ldu;
+            const double* from = u + linalg::column_start(across->from + j, ldu);
             double* to_d = d + (across->to + j) * ldd;
             double* to_b = b + (across->to + j) * ldb;
             add(to_d + across->to + j, from + across->from + j, across->length - j);
@@ -97,8 +96,8 @@ void add_to_panel(const double* u, int64_t ldu, const Run* runs, const Run* rema
 void add_to_update(const double* u, int64_t ldu, const Run* remaining, const Run* end, double* to, int64_t ldt) {
     for (const Run* across = remaining; across != end; ++across) {
         for (int j = 0; j < across->length; ++j) {
-            const double* from = u + (across->from + j) * ldu;
-            double* column = to + (across->to + j) * ldt;
+            const double* from = u + linalg::column_start(across->from + j, ldu);
+            double* column = to + linalg::column_start(across->to + j, ldt);
             add(column + across->to + j, from + across->from + j, across->length - j);
             for (const Run* down = across + 1; down != end; ++down) {
                 add(column + down->to, from + down->from, down->length);

@@ -31,7 +31,7 @@ void Numeric::joint_covariance(const std::vector<int32_t>& variables, double* ou
     };
     const int64_t ld = (columns + 3) / 4 * 4;
     Buffer rhs(depth * ld), update(updates * ld), product(ld * columns);
-    Buffer scratch(CLEW_DISPATCH(multiply_scratch)(std::max({sym.largest_pivots, sym.largest_updates, columns})));
+    Scratch scratch(sym);
     double* y = rhs.data();
     std::fill_n(y, depth * ld, 0.0);
     int32_t column = 0;
@@ -42,9 +42,9 @@ void Numeric::joint_covariance(const std::vector<int32_t>& variables, double* ou
     for (int32_t s : reach) {
         const Front& f = sym.fronts[s];
         double* pivots = y + base[s] * ld;
-        kernels_.solve_transposed(columns, f.pivots, d(f), f.ld_d, pivots, ld, scratch.data());
+        kernels_.solve_transposed(columns, f.pivots, square(f, scratch), f.ld_d, pivots, ld, scratch.multiply.data());
         kernels_.multiply({columns, f.updates, f.pivots, pivots, ld, b(f), 1, f.ld_b, update.data(), ld,
-                           Product::kSetNegative, false}, scratch.data());
+                           Product::kSetNegative, false}, scratch.multiply.data());
         const double* from = update.data();
         for (int64_t q = f.rows; q < sym.fronts[s + 1].rows; ++q) {
             double* to = y + row_of(sym.rows[q]) * ld;
@@ -52,7 +52,7 @@ void Numeric::joint_covariance(const std::vector<int32_t>& variables, double* ou
         }
     }
     kernels_.multiply({columns, columns, depth, y, ld, y, 1, ld, product.data(), ld, Product::kSetNegative, true},
-                      scratch.data());
+                      scratch.multiply.data());
     for (int32_t i = 0; i < columns; ++i) {
         for (int32_t j = 0; j <= i; ++j) {
             out[int64_t{i} * columns + j] = out[int64_t{j} * columns + i] = -product.data()[i + j * ld];

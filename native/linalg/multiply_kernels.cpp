@@ -15,6 +15,7 @@ using linalg::Product;
 constexpr int kDepthBlock = 256;
 constexpr int kPackedRows = kTileRows * kWidth;
 constexpr int kRowBlock = 240 / kPackedRows * kPackedRows;
+constexpr int kColBlock = 256;
 constexpr int64_t kPackedFrom = 24 * 1024;  // doubles of A above which packing pays
 
 struct Operands {
@@ -169,14 +170,24 @@ void multiply_packed(const Multiply& m, double* scratch) {
 
 }  // namespace
 
-int64_t multiply_scratch(int32_t largest) {
-    return int64_t{kDepthBlock} * (kRowBlock + largest + kTileCols);
-}
+int64_t multiply_scratch() { return int64_t{kDepthBlock} * (kRowBlock + kColBlock); }
 
 void multiply(const Multiply& m, double* scratch) {
     if (m.rows <= 0 || m.cols <= 0) return;
-    if (m.depth < 16 || m.cols < 2 * kTileCols || int64_t{m.rows} * m.depth < kPackedFrom) multiply_in_place(m);
-    else multiply_packed(m, scratch);
+    if (m.depth < 16 || m.cols < 2 * kTileCols || int64_t{m.rows} * m.depth < kPackedFrom) {
+        multiply_in_place(m);
+        return;
+    }
+    for (int j = 0; j < m.cols; j += kColBlock) {
+        Multiply part = m;
+        const int top = m.lower ? j : 0;
+        part.rows -= top;
+        part.cols = m.cols - j < kColBlock ? m.cols - j : kColBlock;
+        part.a += top;
+        part.b += j * m.b_col;
+        part.c += top + j * m.ldc;
+        multiply_packed(part, scratch);
+    }
 }
 
 }  // namespace clew::CLEW_ISA

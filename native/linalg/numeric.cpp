@@ -4,6 +4,8 @@
 #include <cmath>
 #include <cstring>
 
+#include "linalg/update_matrix.hpp"
+
 namespace clew::linalg {
 
 namespace {
@@ -30,12 +32,13 @@ inline void copy_sized(BlockCopy::Kind kind, const double* from, double* to, int
 }
 
 // Loops over the common sizes, those of poses, are unrolled.
-void copy_block(const BlockCopy& copy, const double* values, double* factor) {
+void copy_block(const BlockCopy& copy, const double* values, const Front& front, double* d, double* b) {
     const double* from = values + copy.source;
-    double* to = factor + copy.target;
-    if (copy.rows == 3 && copy.cols == 3) copy_sized(copy.kind, from, to, copy.stride, 3, 3);
-    else if (copy.rows == 6 && copy.cols == 6) copy_sized(copy.kind, from, to, copy.stride, 6, 6);
-    else copy_sized(copy.kind, from, to, copy.stride, copy.rows, copy.cols);
+    double* to = (copy.below ? b : d) + copy.target;
+    const int64_t stride = copy.below ? front.ld_b : front.ld_d;
+    if (copy.rows == 3 && copy.cols == 3) copy_sized(copy.kind, from, to, stride, 3, 3);
+    else if (copy.rows == 6 && copy.cols == 6) copy_sized(copy.kind, from, to, stride, 6, 6);
+    else copy_sized(copy.kind, from, to, stride, copy.rows, copy.cols);
 }
 
 bool all_finite(const double* x, int64_t n) {
@@ -47,7 +50,10 @@ bool all_finite(const double* x, int64_t n) {
 Numeric::Numeric(const Symbolic& symbolic, int threads, bool keep_updates)
     : symbolic_(symbolic), threads_(threads), keep_updates_(keep_updates),
       schedule_(make_schedule(symbolic, threads, keep_updates)), kernels_(CLEW_DISPATCH(dense_kernels)()),
-      factor_(symbolic.factor_size), workspace_(schedule_.workspace_size), weakest_of_(symbolic.count()) {}
+      factor_(symbolic.factor_size), workspace_(schedule_.workspace_size),
+      scratch_(make_states<Scratch>(schedule_)), weakest_of_(symbolic.count()) {}
+
+Numeric::~Numeric() = default;
 
 void Numeric::factorize(const double* values, const double* damping, const std::vector<int32_t>* changed) {
     std::vector<bool> redo(symbolic_.count(), changed == nullptr);
@@ -62,7 +68,7 @@ void Numeric::factorize(const double* values, const double* damping, const std::
     // Every task runs to its first failure, so that the first of all does not depend on threads.
     constexpr int32_t kNone = std::numeric_limits<int32_t>::max();
     std::vector<int32_t> failures(schedule_.tasks.size() + 1, kNone);
-    for_each_task<Scratch>(schedule_, [&](size_t t, Scratch& scratch) {
+    for_each_task(schedule_, scratch_, [&](size_t t, Scratch& scratch) {
         for (int32_t s = schedule_.tasks[t].begin; s < schedule_.tasks[t].end && failures[t] == kNone; ++s) {
             const int32_t column = redo[s] ? factor_front(s, values, damping, scratch) : -1;
             if (column >= 0) failures[t] = column;
@@ -70,9 +76,8 @@ void Numeric::factorize(const double* values, const double* damping, const std::
     });
     int32_t failed = *std::min_element(failures.begin(), failures.end());
     if (!schedule_.top.empty() && failed == kNone) {
-        Scratch scratch(symbolic_);
         for (int32_t s : schedule_.top) {
-            const int32_t column = redo[s] ? factor_front(s, values, damping, scratch) : -1;
+            const int32_t column = redo[s] ? factor_front(s, values, damping, *scratch_[0]) : -1;
             if (column < 0) continue;
             failed = column;
             break;
@@ -98,18 +103,19 @@ void Numeric::factorize(const double* values, const double* damping, const std::
 int32_t Numeric::factor_front(int32_t s, const double* values, const double* damping, Scratch& scratch) {
     const Front& front = symbolic_.fronts[s];
     const Front& next = symbolic_.fronts[s + 1];
-    double* d = factor_.data() + front.d;
+    double* d = scratch.square.data();
     double* b = factor_.data() + front.b;
     double* update = workspace_.data() + schedule_.update[s];
     const double* workspace = workspace_.data();
     const int32_t n = front.pivots;
 
-    std::memset(d, 0, static_cast<size_t>(next.d - front.d) * sizeof(double));
+    std::memset(d, 0, static_cast<size_t>(front.ld_d) * static_cast<size_t>(n) * sizeof(double));
+    std::memset(b, 0, static_cast<size_t>(next.d - front.b) * sizeof(double));
     const auto copies_end = static_cast<int64_t>(symbolic_.copies.size());
     for (int64_t q = front.copies; q < next.copies; ++q) {
         // Blocks come in the order of the variables, fronts in the order of elimination: each is far from the last.
         __builtin_prefetch(values + symbolic_.copies[std::min(q + 12, copies_end - 1)].source);
-        copy_block(symbolic_.copies[q], values, factor_.data());
+        copy_block(symbolic_.copies[q], values, front, d, b);
     }
     if (damping != nullptr) {
         double* diagonal = d;
@@ -139,11 +145,20 @@ int32_t Numeric::factor_front(int32_t s, const double* values, const double* dam
         if (ratio < weakest.ratio) weakest = {ratio, front.column + p};
     }
     weakest_of_[s] = weakest;
+    double* triangle = factor_.data() + front.d;
+    for (int32_t p = 0; p < n; ++p) {
+        const double* column = d + int64_t{p} * front.ld_d;
+        triangle = std::copy(column + p, column + n, triangle);
+    }
     if (front.updates == 0) return -1;
 
     kernels_.solve_transposed(front.updates, n, d, front.ld_d, b, front.ld_b, scratch.multiply.data());
-    kernels_.multiply({front.updates, front.updates, n, b, front.ld_b, b, 1, front.ld_b, update, front.ld_b,
-                       Product::kSetNegative, true}, scratch.multiply.data());
+    for (int32_t top = 0; top < front.updates; top += kPanelColumns) {
+        const int32_t rows = front.updates - top;
+        kernels_.multiply({rows, std::min(rows, kPanelColumns), n, b + top, front.ld_b, b + top, 1, front.ld_b,
+                           update + panel_start(top / kPanelColumns, front.ld_b), front.ld_b - top,
+                           Product::kSetNegative, true}, scratch.multiply.data());
+    }
     for (int64_t q = front.children; q < next.children; ++q) {
         const int32_t c = symbolic_.children[q];
         const Front& child = symbolic_.fronts[c];
@@ -151,6 +166,15 @@ int32_t Numeric::factor_front(int32_t s, const double* values, const double* dam
                                runs + symbolic_.fronts[c + 1].runs, update, front.ld_b);
     }
     return -1;
+}
+
+const double* Numeric::square(const Front& front, Scratch& scratch) const {
+    const double* triangle = d(front);
+    for (int32_t p = 0; p < front.pivots; ++p) {
+        std::copy_n(triangle, front.pivots - p, scratch.square.data() + p + int64_t{p} * front.ld_d);
+        triangle += front.pivots - p;
+    }
+    return scratch.square.data();
 }
 
 int32_t Numeric::variable_of_column(int32_t column) const {
@@ -166,7 +190,11 @@ double Numeric::log_determinant() const {
     double sum = 0;
     for (int32_t s = 0; s < symbolic_.count(); ++s) {
         const Front& front = symbolic_.fronts[s];
-        for (int32_t p = 0; p < front.pivots; ++p) sum -= 2.0 * std::log(d(front)[p + int64_t{p} * front.ld_d]);
+        const double* pivot = d(front);
+        for (int32_t p = 0; p < front.pivots; ++p) {
+            sum -= 2.0 * std::log(*pivot);
+            pivot += front.pivots - p;
+        }
     }
     return sum;
 }

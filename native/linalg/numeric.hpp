@@ -35,6 +35,7 @@ struct InverseBlock {
 class Numeric {
 public:
     Numeric(const Symbolic& symbolic, int threads, bool keep_updates);
+    ~Numeric();
 
     // `damping` (dim, in the order of the variables) may be null. `changed` marks the variables whose blocks differ
     // from the last call, which must have ended well with kept updates; null means all.
@@ -64,9 +65,10 @@ private:
     class InverseFront;
     int32_t factor_front(int32_t s, const double* values, const double* damping, Scratch& scratch);
     int32_t variable_of_column(int32_t column) const;
-    template <class State, class Work>
-    void for_each_task(const Schedule& schedule, Work work) const;
+    template <class State>
+    std::vector<std::unique_ptr<State>> make_states(const Schedule& schedule) const;
 
+    const double* square(const Front& front, Scratch& scratch) const;  // D with leading dimension ld_d, in scratch
     const double* d(const Front& front) const { return factor_.data() + front.d; }
     const double* b(const Front& front) const { return factor_.data() + front.b; }
 
@@ -76,6 +78,7 @@ private:
     Schedule schedule_;
     const DenseKernels& kernels_;
     Buffer factor_, workspace_;
+    std::vector<std::unique_ptr<Scratch>> scratch_;  // kept: to touch fresh memory costs as much as a small factor
     std::vector<WeakestPivot> weakest_of_;  // (fronts)
     WeakestPivot weakest_;
     Status status_ = Status::kOk;
@@ -85,26 +88,33 @@ private:
 // Storage of one thread for the dense kernels.
 struct Numeric::Scratch {
     explicit Scratch(const Symbolic& symbolic)
-        : multiply(CLEW_DISPATCH(multiply_scratch)(std::max(symbolic.largest_pivots, symbolic.largest_updates))),
-          diagonal(static_cast<size_t>(symbolic.largest_pivots)) {}
-    Buffer multiply;
+        : multiply(CLEW_DISPATCH(multiply_scratch)()),
+          square(symbolic.largest_square), diagonal(static_cast<size_t>(symbolic.largest_pivots)) {}
+    Buffer multiply, square;
     std::vector<double> diagonal;
 };
 
-// Runs work(task, state) for all subtrees, on as many threads as are wanted; each has a state of its own.
-template <class State, class Work>
-void Numeric::for_each_task(const Schedule& schedule, Work work) const {
-    const size_t tasks = schedule.tasks.size();
-    const size_t threads = std::min(static_cast<size_t>(threads_), tasks);
-    std::vector<std::unique_ptr<State>> states;  // made before threads start: running out of memory stays an exception
+// One state for each thread that the subtrees of a schedule can use, made before threads start so that running out of
+// memory stays an exception.
+template <class State>
+std::vector<std::unique_ptr<State>> Numeric::make_states(const Schedule& schedule) const {
+    const size_t threads = std::min(static_cast<size_t>(threads_), std::max<size_t>(schedule.tasks.size(), 1));
+    std::vector<std::unique_ptr<State>> states;
     for (size_t t = 0; t < threads; ++t) states.push_back(std::make_unique<State>(symbolic_));
+    return states;
+}
+
+// Runs work(task, state) for all subtrees, on a thread for each state.
+template <class State, class Work>
+void for_each_task(const Schedule& schedule, const std::vector<std::unique_ptr<State>>& states, Work work) {
+    const size_t tasks = schedule.tasks.size();
     std::atomic<size_t> next{0};
     const auto run = [&](State& state) {
         for (size_t t = next++; t < tasks; t = next++) work(t, state);
     };
     std::vector<std::thread> helpers;
-    for (size_t t = 1; t < threads; ++t) helpers.emplace_back(run, std::ref(*states[t]));
-    if (threads > 0) run(*states[0]);
+    for (size_t t = 1; t < states.size(); ++t) helpers.emplace_back(run, std::ref(*states[t]));
+    run(*states[0]);
     for (std::thread& helper : helpers) helper.join();
 }
 

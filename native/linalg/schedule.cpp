@@ -1,6 +1,10 @@
 #include "linalg/schedule.hpp"
 
 #include <algorithm>
+#include <map>
+#include <numeric>
+
+#include "linalg/update_matrix.hpp"
 
 namespace clew::linalg {
 
@@ -8,7 +12,7 @@ namespace {
 
 constexpr double kWorthThreads = 2e7;  // flops below which starting threads costs more than it saves
 
-int64_t update_size(const Front& front) { return (int64_t{front.ld_b} * front.updates + 7) / 8 * 8; }
+int64_t update_size(const Front& front) { return (update_matrix_size(front.updates, front.ld_b) + 7) / 8 * 8; }
 
 // Cuts the tree into subtrees of at most a fraction of the work; what lies above is the top.
 void split(const Symbolic& symbolic, int threads, Schedule& schedule) {
@@ -51,56 +55,77 @@ void split(const Symbolic& symbolic, int threads, Schedule& schedule) {
     });
 }
 
-// Two stacks, one for even and one for odd depths: when a front is pushed on the one, its children are the uppermost
-// of the other and are dropped. Nothing moves, and the same places serve the way down (selected inverse).
-class TwoStacks {
+// Storage of which pieces are taken and given back: the lowest gap that is large enough. All lifetimes are known
+// beforehand, so places are found once and for all; nothing moves, and the same places serve the way down (selected
+// inverse), where lifetimes are mirrored.
+class Places {
 public:
-    explicit TwoStacks(int64_t base) : base_(base) {}
+    explicit Places(int64_t base) : end_(base), peak_(base) {}
 
-    template <class Fronts>
-    void place(const Symbolic& symbolic, const std::vector<bool>& odd, const Fronts& fronts,
-               const std::vector<bool>& own, std::vector<int64_t>& update) {
-        for (int32_t s : fronts) {
-            const Front& front = symbolic.fronts[s];
-            update[s] = top_[odd[s]];
-            top_[odd[s]] += update_size(front);
-            peak_[odd[s]] = std::max(peak_[odd[s]], top_[odd[s]]);
-            for (int64_t q = front.children; q < symbolic.fronts[s + 1].children; ++q) {
-                const int32_t child = symbolic.children[q];
-                if (own[child]) top_[odd[child]] -= update_size(symbolic.fronts[child]);
-            }
+    int64_t take(int64_t size) {
+        for (auto gap = gaps_.begin(); gap != gaps_.end(); ++gap) {
+            if (gap->second < size) continue;
+            const int64_t at = gap->first, left = gap->second - size;
+            gaps_.erase(gap);
+            if (left > 0) gaps_.emplace(at + size, left);
+            return at;
         }
-        for (int32_t s : fronts) update[s] += base_ + (odd[s] ? peak_[0] : 0);
+        const int64_t at = end_;
+        end_ += size;
+        peak_ = std::max(peak_, end_);
+        return at;
     }
-    int64_t end() const { return base_ + peak_[0] + peak_[1]; }
+
+    void give_back(int64_t at, int64_t size) {
+        if (size == 0) return;
+        auto after = gaps_.lower_bound(at);
+        if (after != gaps_.end() && after->first == at + size) {
+            size += after->second;
+            after = gaps_.erase(after);
+        }
+        if (after != gaps_.begin() && std::prev(after)->first + std::prev(after)->second == at) {
+            --after;
+            at = after->first;
+            size += after->second;
+            gaps_.erase(after);
+        }
+        if (at + size == end_) end_ = at;
+        else gaps_.emplace(at, size);
+    }
+
+    int64_t peak() const { return peak_; }
 
 private:
-    int64_t base_;
-    int64_t top_[2] = {0, 0}, peak_[2] = {0, 0};
+    std::map<int64_t, int64_t> gaps_;  // place -> size
+    int64_t end_, peak_;
 };
 
-void place_updates(const Symbolic& symbolic, Schedule& schedule) {
-    const int32_t count = symbolic.count();
-    std::vector<bool> odd(count, false), own(count, false);
-    for (int32_t s = count - 1; s >= 0; --s) {
-        if (symbolic.fronts[s].parent != -1) odd[s] = !odd[symbolic.fronts[s].parent];
-    }
-    std::vector<int32_t> fronts;
-    for (const Task& task : schedule.tasks) {
-        fronts.clear();
-        for (int32_t s = task.begin; s < task.end; ++s) {
-            fronts.push_back(s);
-            own[s] = true;
+// Places for the update matrices of some fronts; those of their children that are marked in `own` are given back.
+template <class Fronts>
+void place_updates(const Symbolic& symbolic, const Fronts& fronts, const std::vector<bool>& own, Schedule& schedule) {
+    Places places(schedule.workspace_size);
+    for (int32_t s : fronts) {
+        const Front& front = symbolic.fronts[s];
+        schedule.update[s] = places.take(update_size(front));
+        for (int64_t q = front.children; q < symbolic.fronts[s + 1].children; ++q) {
+            const int32_t child = symbolic.children[q];
+            if (own[child]) places.give_back(schedule.update[child], update_size(symbolic.fronts[child]));
         }
-        TwoStacks stacks(schedule.workspace_size);
-        stacks.place(symbolic, odd, fronts, own, schedule.update);
-        schedule.workspace_size = stacks.end();
     }
-    own.assign(count, false);  // roots of tasks stay in their own stacks
+    schedule.workspace_size = places.peak();
+}
+
+void place_updates(const Symbolic& symbolic, Schedule& schedule) {
+    std::vector<bool> own(symbolic.count(), false);
+    for (const Task& task : schedule.tasks) {
+        std::vector<int32_t> fronts(task.end - task.begin);
+        std::iota(fronts.begin(), fronts.end(), task.begin);
+        for (int32_t s : fronts) own[s] = true;
+        place_updates(symbolic, fronts, own, schedule);
+    }
+    own.assign(symbolic.count(), false);  // roots of tasks stay where they are
     for (int32_t s : schedule.top) own[s] = true;
-    TwoStacks stacks(schedule.workspace_size);
-    stacks.place(symbolic, odd, schedule.top, own, schedule.update);
-    schedule.workspace_size = stacks.end();
+    place_updates(symbolic, schedule.top, own, schedule);
 }
 
 }  // namespace

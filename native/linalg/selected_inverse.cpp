@@ -3,11 +3,12 @@
 // Takahashi, Fagan, Chen, "Formation of a sparse bus impedance matrix and its application to short circuit study"
 // (PICA 1973), on dense fronts. With L11, L21 of a front, G = L21 L11^-1 and Z_RR the inverse at its update rows:
 //   Z_RP = -Z_RR G,   Z_PP = (L11 L11^T)^-1 + G^T Z_RR G = (L11 L11^T)^-1 - G^T Z_RP.
-// From root to leaves each front hands Z_RR to its children, in the places where their update matrices had been.
+// From root to leaves each front hands Z_RR to its children, in the places and the form of their update matrices.
 #include <algorithm>
 #include <cstring>
 
 #include "linalg/numeric.hpp"
+#include "linalg/update_matrix.hpp"
 
 namespace clew::linalg {
 
@@ -19,9 +20,15 @@ void negate(double* x, int64_t n) {
     for (int64_t i = 0; i < n; ++i) x[i] = -x[i];
 }
 
-// Copies the lower triangle to the upper, in tiles that stay in cache.
-void mirror(double* z, int32_t n, int64_t ld) {
+// Both triangles, leading dimension `ld`, of the lower triangle that an update matrix holds; the upper one in tiles
+// that stay in cache.
+void unpack(const double* packed, int32_t n, int64_t ld, double* z) {
     constexpr int32_t kTile = 16;
+    for (int32_t j = 0; j < n; ++j) {
+        const double* column = packed + column_start(j, ld);
+        std::copy(column + j, column + n, z + j + j * ld);
+        std::fill(z + n + j * ld, z + (n + 3) / 4 * 4 + j * ld, 0.0);
+    }
     for (int32_t jj = 0; jj < n; jj += kTile) {
         for (int32_t ii = jj; ii < n; ii += kTile) {
             for (int32_t j = jj; j < std::min(n, jj + kTile); ++j) {
@@ -40,13 +47,14 @@ public:
         int64_t size = 0;
         for (const Front& f : symbolic.fronts) {
             const int64_t k = padded(f.pivots);
-            size = std::max(size, k * (2 * f.pivots + int64_t{f.updates}) + int64_t{f.ld_b} * f.pivots);
+            size = std::max(size, k * (2 * f.pivots + int64_t{f.updates}) +
+                                      int64_t{f.ld_b} * (f.pivots + int64_t{f.updates}));
         }
         storage_ = Buffer(size);
     }
 
-    // `z_rr`: the inverse at the update rows, both triangles, leading dimension ld_b.
-    void invert(const Numeric& factor, const Front& f, const double* z_rr) {
+    // `packed`: the inverse at the update rows, in the form of an update matrix.
+    void invert(const Numeric& factor, const Front& f, const double* packed) {
         const DenseKernels& kernels = factor.kernels_;
         double* scratch = scratch_.multiply.data();
         const int32_t k = f.pivots, m = f.updates;
@@ -55,9 +63,11 @@ public:
         z_pp = w + ld_d * k;
         double* minus_gt = z_pp + ld_d * k;                // -G^T
         z_rp = minus_gt + ld_d * m;
+        z_rr = z_rp + int64_t{f.ld_b} * k;
+        unpack(packed, m, f.ld_b, z_rr);
         std::memset(w, 0, static_cast<size_t>(ld_d * k) * sizeof(double));
         for (int32_t p = 0; p < k; ++p) w[p + p * ld_d] = 1.0;
-        kernels.solve_transposed(k, k, factor.d(f), f.ld_d, w, ld_d, scratch);
+        kernels.solve_transposed(k, k, factor.square(f, scratch_), f.ld_d, w, ld_d, scratch);
         kernels.multiply({k, k, k, w, ld_d, w, 1, ld_d, z_pp, ld_d, Product::kSetNegative, false}, scratch);
         if (m > 0) {
             kernels.multiply({k, m, k, w, ld_d, factor.b(f), 1, f.ld_b, minus_gt, ld_d, Product::kSetNegative, false},
@@ -71,29 +81,32 @@ public:
         negate(z_pp, ld_d * k);
     }
 
-    // The inverse at the update rows of a child.
-    void hand_down(const Symbolic& symbolic, const Front& f, const double* z_rr, int32_t c, double* to) const {
+    // The inverse at the update rows of a child: its lower triangle.
+    void hand_down(const Symbolic& symbolic, const Front& f, int32_t c, double* to) const {
         const Front& child = symbolic.fronts[c];
         const Run* runs = symbolic.runs.data();
         const Run *remaining = runs + child.remaining_runs, *end = runs + symbolic.fronts[c + 1].runs;
         for (const Run* across = runs + child.runs; across != end; ++across) {
             for (int32_t j = 0; j < across->length; ++j) {
-                double* column = to + (across->from + j) * int64_t{child.ld_b};
+                double* column = to + column_start(across->from + j, child.ld_b);
                 const Run* down = across;
                 const double* below = z_rr;
+                int32_t above = j;  // rows of the first run that are above the diagonal
                 if (across < remaining) {
                     for (; down != remaining; ++down) {
-                        std::copy_n(z_pp + down->to + (across->to + j) * ld_d, down->length, column + down->from);
+                        const double* from = z_pp + down->to + (across->to + j) * ld_d;
+                        std::copy(from + above, from + down->length, column + down->from + above);
+                        above = 0;
                     }
                     below = z_rp;
                 }
                 for (; down != end; ++down) {
-                    std::copy_n(below + down->to + (across->to + j) * int64_t{f.ld_b}, down->length,
-                                column + down->from);
+                    const double* from = below + down->to + (across->to + j) * int64_t{f.ld_b};
+                    std::copy(from + above, from + down->length, column + down->from + above);
+                    above = 0;
                 }
             }
         }
-        mirror(to, child.updates, child.ld_b);
     }
 
     void write(const Symbolic& symbolic, const Front& f, int64_t rows_end, const InverseBlock& block,
@@ -120,6 +133,7 @@ private:
     int64_t ld_d = 0;
     double* z_pp = nullptr;
     double* z_rp = nullptr;
+    double* z_rr = nullptr;
 };
 
 bool Numeric::stores(int32_t row, int32_t col) const {
@@ -148,21 +162,18 @@ void Numeric::inverse_blocks(const std::vector<InverseBlock>& wanted, double* ou
     const auto visit = [&](int32_t s, InverseFront& inverse) {
         if (!needed[s]) return;
         const Front &f = sym.fronts[s], &next = sym.fronts[s + 1];
-        const double* z_rr = workspace + schedule.update[s];
-        inverse.invert(*this, f, z_rr);
+        inverse.invert(*this, f, workspace + schedule.update[s]);
         for (int64_t q = f.children; q < next.children; ++q) {
             const int32_t c = sym.children[q];
-            if (needed[c]) inverse.hand_down(sym, f, z_rr, c, workspace + schedule.update[c]);
+            if (needed[c]) inverse.hand_down(sym, f, c, workspace + schedule.update[c]);
         }
         auto block = std::lower_bound(wanted.begin(), wanted.end(), f.first,
                                       [](const InverseBlock& w, int32_t first) { return w.col < first; });
         for (; block != wanted.end() && block->col < f.last; ++block) inverse.write(sym, f, next.rows, *block, out);
     };
-    if (!schedule.top.empty()) {
-        InverseFront inverse(sym);
-        for (auto s = schedule.top.rbegin(); s != schedule.top.rend(); ++s) visit(*s, inverse);
-    }
-    for_each_task<InverseFront>(schedule, [&](size_t t, InverseFront& inverse) {
+    const auto states = make_states<InverseFront>(schedule);
+    for (auto s = schedule.top.rbegin(); s != schedule.top.rend(); ++s) visit(*s, *states[0]);
+    for_each_task(schedule, states, [&](size_t t, InverseFront& inverse) {
         for (int32_t s = schedule.tasks[t].end - 1; s >= schedule.tasks[t].begin; --s) visit(s, inverse);
     });
 }

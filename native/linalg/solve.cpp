@@ -15,7 +15,7 @@ void Numeric::solve(double* rhs) const {
     }
     for (int32_t s = 0; s < sym.count(); ++s) {
         const Front& f = sym.fronts[s];
-        kernels_.forward(f.pivots, d(f), f.ld_d, f.updates, b(f), f.ld_b, x + f.column, t);
+        kernels_.forward(f.pivots, d(f), f.updates, b(f), f.ld_b, x + f.column, t);
         const double* from = t;
         for (int64_t q = f.segments; q < sym.fronts[s + 1].segments; ++q) {
             double* to = x + sym.segments[q].start;
@@ -29,7 +29,7 @@ void Numeric::solve(double* rhs) const {
             to = std::copy_n(x + sym.segments[q].start, sym.segments[q].length, to);
         }
         std::fill_n(to, 3, 0.0);  // rows of padding
-        kernels_.backward(f.pivots, d(f), f.ld_d, f.updates, b(f), f.ld_b, x + f.column, t);
+        kernels_.backward(f.pivots, d(f), f.updates, b(f), f.ld_b, x + f.column, t);
     }
     for (int32_t k = 0; k < sym.variables; ++k) {
         std::copy_n(x + sym.starts[k], sym.size_at(k), rhs + sym.variable_starts[sym.order[k]]);
@@ -58,7 +58,7 @@ void Numeric::solve_many(double* rhs, int32_t columns) const {
     for (int32_t s = 0; s < sym.count(); ++s) {
         const Front& f = sym.fronts[s];
         double* pivots = x + f.column * ld;
-        kernels_.solve_transposed(columns, f.pivots, d(f), f.ld_d, pivots, ld, scratch.multiply.data());
+        kernels_.solve_transposed(columns, f.pivots, square(f, scratch), f.ld_d, pivots, ld, scratch.multiply.data());
         kernels_.multiply({columns, f.updates, f.pivots, pivots, ld, b(f), 1, f.ld_b, t, ld, Product::kSetNegative,
                            false}, scratch.multiply.data());
         const double* from = t;
@@ -78,7 +78,7 @@ void Numeric::solve_many(double* rhs, int32_t columns) const {
             kernels_.multiply({columns, f.pivots, f.updates, t, ld, b(f), f.ld_b, 1, pivots, ld, Product::kSubtract,
                                false}, scratch.multiply.data());
         }
-        kernels_.solve_straight(columns, f.pivots, d(f), f.ld_d, pivots, ld, scratch.multiply.data());
+        kernels_.solve_straight(columns, f.pivots, square(f, scratch), f.ld_d, pivots, ld, scratch.multiply.data());
     }
     each_row([&](double* outside, const double* inside) { std::copy_n(inside, columns, outside); });
 }

@@ -52,7 +52,6 @@ public:
     int32_t first_child(int32_t j) const { return child_[j]; }
     int32_t sibling(int32_t j) const { return sibling_[j]; }
     double updates(int32_t j) const { return updates_[j]; }
-    double rows(int32_t j) const { return pivots_[j] + updates_[j]; }
 
 private:
     void adopt(int32_t p, int32_t c) {
@@ -93,7 +92,7 @@ Supernodes amalgamate(const BlockGraph& graph, const EliminationTree& tree) {
         child_starts[s] = static_cast<int32_t>(children.size());
         if (merged.merged_into(s) != -1) continue;
         for (int32_t c = merged.first_child(s); c != -1; c = merged.sibling(c)) children.push_back(c);
-        const auto held = [&](int32_t c) { return merged.updates(c) * merged.updates(c); };
+        const auto held = [&](int32_t c) { return merged.updates(c) * merged.updates(c) / 2; };
         std::sort(children.begin() + child_starts[s], children.end(), [&](int32_t a, int32_t b) {
             const double beyond_a = peak[a] - held(a), beyond_b = peak[b] - held(b);
             return beyond_a != beyond_b ? beyond_a > beyond_b : a < b;
@@ -103,7 +102,7 @@ Supernodes amalgamate(const BlockGraph& graph, const EliminationTree& tree) {
             peak[s] = std::max(peak[s], below + peak[children[q]]);
             below += held(children[q]);
         }
-        peak[s] = std::max(peak[s], below + merged.rows(s) * merged.rows(s));
+        peak[s] = std::max(peak[s], below + held(s));
     }
     child_starts[n] = static_cast<int32_t>(children.size());
 

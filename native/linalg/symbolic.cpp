@@ -1,6 +1,7 @@
 #include "linalg/symbolic.hpp"
 
 #include <algorithm>
+#include <stdexcept>
 
 #include "linalg/supernodes.hpp"
 
@@ -27,6 +28,7 @@ public:
         number_variables();
         out_.fronts.resize(static_cast<size_t>(supernodes_.count()) + 1);
         list_children();
+        out_.copies.reserve(static_cast<size_t>(pattern_.blocks));
         for (int32_t s = 0; s < supernodes_.count(); ++s) {
             Front& front = out_.fronts[s];
             front.parent = supernodes_.parent[s];
@@ -117,7 +119,7 @@ private:
         front.ld_d = front.pivots <= 8 ? front.pivots : leading_dimension(front.pivots);
         front.ld_b = leading_dimension(scalars);
         front.d = out_.factor_size;
-        front.b = front.d + round_up(static_cast<int64_t>(front.ld_d) * front.pivots);
+        front.b = front.d + round_up(int64_t{front.pivots} * (front.pivots + 1) / 2);
         out_.factor_size = front.b + round_up(static_cast<int64_t>(front.ld_b) * front.pivots);
         const double k = front.pivots, m = front.updates;
         front.flops = k * k * k / 3 + k * k * m + k * m * m;
@@ -125,6 +127,7 @@ private:
         out_.nonzeros += k * (k + 1) / 2 + k * m;
         out_.largest_pivots = std::max(out_.largest_pivots, front.pivots);
         out_.largest_updates = std::max(out_.largest_updates, front.updates);
+        out_.largest_square = std::max(out_.largest_square, int64_t{front.ld_d} * front.pivots);
     }
 
     void plan_copies(Front& front) {
@@ -132,20 +135,32 @@ private:
         for (int32_t k = front.first; k < front.last; ++k) {
             const int32_t v = out_.order[k], size = graph_.weights[v];
             const int64_t column = out_.starts[k] - front.column;
-            out_.copies.push_back({pattern_.offsets[graph_.diagonal[v]], front.d + column * front.ld_d + column,
-                                   front.ld_d, size, size, BlockCopy::kDiagonal});
+            copy(graph_.diagonal[v], column * front.ld_d + column, size, size, BlockCopy::kDiagonal, false);
             for (int64_t p = graph_.starts[v]; p < graph_.starts[v + 1]; ++p) {
                 const int32_t u = graph_.neighbours[p], row = out_.position[u];
                 if (row < k) continue;
-                const bool pivot = row < front.last;
-                const int32_t stride = pivot ? front.ld_d : front.ld_b;
-                const int64_t target = pivot ? front.d + column * stride + (out_.starts[row] - front.column)
-                                             : front.b + column * stride + offset_[row];
+                const bool below = row >= front.last;
+                const int64_t target = below ? column * front.ld_b + offset_[row]
+                                             : column * front.ld_d + (out_.starts[row] - front.column);
                 const bool straight = pattern_.rows[graph_.blocks[p]] == u;
-                out_.copies.push_back({pattern_.offsets[graph_.blocks[p]], target, stride, graph_.weights[u], size,
-                                       straight ? BlockCopy::kStraight : BlockCopy::kTransposed});
+                copy(graph_.blocks[p], target, graph_.weights[u], size,
+                     straight ? BlockCopy::kStraight : BlockCopy::kTransposed, below);
             }
         }
+    }
+
+    void copy(int64_t block, int64_t target, int32_t rows, int32_t cols, BlockCopy::Kind kind, bool below) {
+        const auto narrow = []<class To>(int64_t from, To& to) {
+            to = static_cast<To>(from);
+            if (static_cast<int64_t>(to) != from) throw std::invalid_argument("the matrix is too large");
+        };
+        BlockCopy& out = out_.copies.emplace_back();
+        narrow(pattern_.offsets[block], out.source);
+        narrow(target, out.target);
+        narrow(rows, out.rows);
+        narrow(cols, out.cols);
+        out.kind = kind;
+        out.below = below;
     }
 
     void close_ranges() {

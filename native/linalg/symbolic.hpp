@@ -11,19 +11,19 @@ namespace clew::linalg {
 
 // Where one block of the matrix goes in the panel of its front.
 struct BlockCopy {
-    enum Kind : int32_t { kStraight, kTransposed, kDiagonal };
-    int64_t source;  // in the values
-    int64_t target;  // in the factor
-    int32_t stride;  // of the target's columns
-    int32_t rows, cols;
+    enum Kind : uint8_t { kStraight, kTransposed, kDiagonal };
+    uint32_t source;  // in the values
+    uint32_t target;  // in D or B
+    uint16_t rows, cols;
     Kind kind;
+    bool below;       // to B, not to D
 };
 
 // One dense front: `pivots` columns that are eliminated together and `updates` further rows. The factor keeps
-//   D (pivots x pivots, leading dimension ld_d): the lower triangle of L11, reciprocals on its diagonal
-//   B (updates x pivots, leading dimension ld_b): L21
-// column-major, D first. Rows of padding are zero. The update matrix (updates x updates, leading dimension ld_b) goes
-// to the parent; only its lower triangle has a meaning.
+//   D: the lower triangle of L11, column after column without gaps, reciprocals on its diagonal
+//   B (updates x pivots, leading dimension ld_b): L21, column-major; rows of padding are zero
+// D first. While it is worked on, D is a square with leading dimension ld_d in scratch storage. The update matrix
+// (update_matrix.hpp) goes to the parent.
 struct Front {
     int32_t parent;          // -1 for a root
     int32_t first, last;     // positions of the pivot variables: [first, last)
@@ -62,6 +62,7 @@ struct Symbolic {
     int64_t factor_size = 0;              // doubles, with padding
     int64_t values_size = 0;
     int32_t largest_pivots = 0, largest_updates = 0;
+    int64_t largest_square = 0;           // doubles of D as a square
     double flops = 0;
     double nonzeros = 0;                  // stored entries of L, explicit zeros included
 

@@ -17,7 +17,7 @@ from clew.cli import main
 from clew.sim import LaserModel, SimulatedLog, simulate_kind
 
 FILES = ("trajectory.tum", "keyframes.tum", "graph.g2o", "closures.csv", "map.pgm", "map.yaml", "map.png",
-         "overview.png", "summary.json")
+         "overview.png", "report.html", "summary.json")
 PROGRAM = [sys.executable, "-c", "from clew.cli import main; main()"]
 
 

@@ -122,10 +122,10 @@ def test_scans_without_odometry_need_the_option(tmp_path: Path, clew_command: Co
 
     console = Console(quiet=True)
     with pytest.raises(InputError, match="--no-odometry") as caught:
-        map_log(Blind(), JobOptions(tmp_path, "blind", quiet=True), console)  # type: ignore[arg-type]  # a log of our own
+        map_log(Blind(), JobOptions(tmp_path, "blind"), console)  # type: ignore[arg-type]  # a log of our own
     assert "\n" not in str(caught.value)
     assert not list(tmp_path.iterdir())
-    result = map_log(Blind(), JobOptions(tmp_path, "blind", odometry=False, quiet=True), console)  # type: ignore[arg-type]  # a log of our own
+    result = map_log(Blind(), JobOptions(tmp_path, "blind", odometry=False), console)  # type: ignore[arg-type]  # a log of our own
     assert result.summary["scans"] == drive().scan_count
 
 

@@ -38,7 +38,7 @@ class Stopped:
 
 
 def test_log_that_is_stopped_is_written_as_far_as_it_came(tmp_path: Path) -> None:
-    result = map_log(Stopped(20), JobOptions(tmp_path, "stopped", quiet=True), Console(quiet=True))
+    result = map_log(Stopped(20), JobOptions(tmp_path, "stopped"), Console(quiet=True))
     assert result.interrupted
     assert (result.summary["complete"], result.summary["refined"], result.summary["scans"]) == (False, False, 20)
     assert len(read_tum(tmp_path / "trajectory.tum")[0]) == 20
@@ -47,7 +47,7 @@ def test_log_that_is_stopped_is_written_as_far_as_it_came(tmp_path: Path) -> Non
 
 def test_stop_before_any_scan_is_a_plain_interrupt(tmp_path: Path) -> None:
     with pytest.raises(KeyboardInterrupt):
-        map_log(Stopped(0), JobOptions(tmp_path, "stopped", quiet=True), Console(quiet=True))
+        map_log(Stopped(0), JobOptions(tmp_path, "stopped"), Console(quiet=True))
     assert not list(tmp_path.iterdir())
 
 

@@ -9,7 +9,7 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 from clew.evaluate import bridges, odometry_slip, path_cuts, stretches
-from clew.factors import Between
+from clew.factors import Between, PointObservation
 from clew.geometry import SE2, se2
 from clew.graph import FactorGraph, Role
 
@@ -42,6 +42,22 @@ def test_cuts_of_a_path() -> None:
     backwards = path_cuts(graph, keys[::-1].copy())
     np.testing.assert_array_equal(backwards.edges, [2, 2, 1])
     assert len(path_cuts(graph, keys[:0]).edges) == 0
+
+
+def test_a_landmark_seen_on_both_sides_of_a_step_ties_it() -> None:
+    graph = FactorGraph()
+    keys = np.arange(5)
+    graph.add_pose(SE2(np.arange(5.0), np.zeros(5), np.zeros(5)), key=keys)
+    graph.add(Between(keys[:-1], keys[1:], SE2(np.ones(4), np.zeros(4), np.zeros(4)), sigmas=1.0))
+    graph.add_point(np.array([2.0, 1.0]), key=9)
+    graph.add_point(np.array([4.0, 1.0]), key=10)
+    for pose, sigma in ((3, 1.0), (0, 0.5), (1, 1.0)):  # out of order
+        graph.add(PointObservation(pose, 9, np.array([2.0 - pose, 1.0]), sigmas=sigma))
+    graph.add(PointObservation(4, 10, np.array([0.0, 1.0]), sigmas=1.0))  # seen once, ties nothing
+    cuts = path_cuts(graph, keys)
+    np.testing.assert_array_equal(cuts.edges, [2, 2, 2, 1])
+    # 4 before and 2 after, then 5 before and 1 after, in series: 4 * 2 / 6 and 5 * 1 / 6.
+    np.testing.assert_allclose(cuts.information, 1.0 + np.array([8 / 6, 5 / 6, 5 / 6, 0.0]))
 
 
 def test_stretches() -> None:

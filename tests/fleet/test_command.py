@@ -69,7 +69,7 @@ def test_output_folders_are_merged(folders: list[Path], tmp_path: Path) -> None:
     report = json.loads(run(*folders, "-o", out, "--json"))
     assert report["robots"] == ["out0", "out1"]
     assert report["shared_landmarks"] >= 10
-    assert sorted(file.name for file in out.iterdir()) == ["graph.g2o", "landmarks.csv", "robots.json"]
+    assert sorted(file.name for file in out.iterdir()) == ["graph.g2o", "landmarks.csv", "report.html", "robots.json"]
     graph = read_graph(out / "graph.g2o").graph
     names, positions = read_landmarks(out / "landmarks.csv")
     assert len(names) == len(graph.keys(Point2)) == len(positions)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from itertools import product
 
 import numpy as np
@@ -9,7 +10,7 @@ import pytest
 
 from clew.place import NEW, UNCLEAR, Gates, chi_square_limit, compatibility, joint_compatibility, nearest_neighbour
 
-GATES = Gates()
+GATES = Gates(known=0.99, new=0.999, margin=0.0)
 
 
 def test_the_gate_is_the_quantile() -> None:
@@ -53,7 +54,7 @@ def test_an_ambiguous_sighting_can_be_left_alone() -> None:
     predicted = np.array([[0.0, 0.0], [0.2, 0.0]])
     z = np.array([[0.09, 0.0]])
     assert nearest_neighbour(z, predicted, unit(2), unit(1), GATES)[0] == 0
-    assert nearest_neighbour(z, predicted, unit(2), unit(1), Gates(margin=3.0))[0] == UNCLEAR
+    assert nearest_neighbour(z, predicted, unit(2), unit(1), Gates(known=0.99, new=0.999, margin=3.0))[0] == UNCLEAR
 
 
 def test_joint_compatibility_sees_through_a_shifted_pose() -> None:
@@ -77,7 +78,7 @@ def test_branch_and_bound_finds_what_trying_all_finds() -> None:
         root = 0.25 * rng.standard_normal((2 * known, 2 * known))
         joint = root @ root.T + 1e-3 * np.eye(2 * known)
         z, noise = rng.uniform(0.0, 1.5, (count, 2)), unit(count)
-        found = joint_compatibility(z, predicted, joint, noise, GATES)
+        found = joint_compatibility(z, predicted, joint, noise, replace(GATES, margin=-np.inf))
         best = (-1, 0.0)
         for choice in product(range(-1, known), repeat=count):
             rows = [r for r, j in enumerate(choice) if j >= 0]
@@ -107,9 +108,9 @@ def _distance(z, predicted, joint, noise, rows, picked) -> float:  # type: ignor
 def _admissible(z, predicted, joint, noise, rows, picked) -> bool:  # type: ignore[no-untyped-def]  # test helper
     """Each pair passes its own gate, and each prefix the joint one."""
     singles = all(
-        _distance(z, predicted, joint, noise, [r], [j]) <= GATES.known for r, j in zip(rows, picked, strict=True)
+        _distance(z, predicted, joint, noise, [r], [j]) <= GATES.limit_known for r, j in zip(rows, picked, strict=True)
     )
-    probability = 1.0 - np.exp(-GATES.known / 2.0)
+    probability = 1.0 - np.exp(-GATES.limit_known / 2.0)
     return singles and all(
         _distance(z, predicted, joint, noise, rows[:k], picked[:k]) <= chi_square_limit(probability, 2 * k)
         for k in range(1, len(rows) + 1)

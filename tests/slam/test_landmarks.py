@@ -12,8 +12,7 @@ from clew.evaluate import absolute_trajectory_error, align
 from clew.geometry import SE2, Point2, se2, wrap
 from clew.io import SightingLog, Sightings, Velocities, read_graph, read_mrclam, write_graph
 from clew.io.log import ReadReport
-from clew.slam.landmarks import KEYS_A_ROBOT, map_landmarks
-from clew.slam.landmarks.mapper import AssociationConfig, associate_features
+from clew.slam.landmarks import KEYS_A_ROBOT, associate_features, map_landmarks
 from clew.slam.landmarks.noise import repeats
 from clew.solve import optimize
 
@@ -120,13 +119,11 @@ def test_unknown_landmarks_of_a_simulated_world() -> None:
     file, full = read_graph(path), read_graph(given).graph
     features = file.features
     assert features is not None
-    mapper, solution = associate_features(
-        file.graph, features.keys, features.measurement, features.information, AssociationConfig()
-    )
+    landmarks, _, solution = associate_features(file.graph, features.keys, features.measurement, features.information)
     block = next(b for b in full.blocks() if b.kinds == (SE2, Point2))
     order = np.lexsort((*block.measurement.T, block.keys[:, 0]))
     mine = np.lexsort((*features.measurement.T, features.keys))
-    truth, found = block.keys[order, 1], mapper.landmarks[mine]
+    truth, found = block.keys[order, 1], landmarks[mine]
     right = sum(np.unique(found[truth == tree], return_counts=True)[1].max() for tree in np.unique(truth))
     assert right > 0.99 * len(found)
     assert abs(len(np.unique(found)) - len(np.unique(truth))) <= 3

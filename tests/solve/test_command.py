@@ -117,7 +117,7 @@ def test_the_ending_chooses_the_format(square: Path, tmp_path: Path) -> None:
         np.testing.assert_allclose(rows[:, [3, 7]], solution.values().array[:, :2], atol=1e-8)
         np.testing.assert_allclose(np.arctan2(rows[:, 4], rows[:, 0]), solution.values().array[:, 2], atol=1e-8)
     for ending in ("xyz", "tum.gz"):
-        with pytest.raises(InputError, match=r"choose \.g2o, \.graph"):
+        with pytest.raises(InputError, match=r"choose \.g2o \(g2o\), \.graph"):
             run(square, "-o", tmp_path / f"out.{ending}")
 
 

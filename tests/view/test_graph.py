@@ -10,11 +10,18 @@ import pytest
 from numpy.typing import NDArray
 
 from clew.errors import InputError
-from clew.view import plot_graph
+from clew.view import Scene, graph_figure, save_figure
 from clew.view.style import CLOSURE, INK, LANDMARK, PAPER, TRAJECTORY, UNCERTAINTY
 from view.pictures import Pixels, close_to, pixels_of, rgb
 
 Array = NDArray[np.float64]
+
+
+def plot_graph(
+    path: Path, poses: Array, edges: dict[str, Array], points: Array | None = None, covariances: Array | None = None,
+    title: str = "",
+) -> None:
+    save_figure(graph_figure(Scene(poses, edges, points, covariances), title), path)
 
 
 def chain(poses: Array) -> Array:

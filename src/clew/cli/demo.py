@@ -7,13 +7,22 @@ from typing import Annotated
 
 import typer
 
+from clew.cli.live import LiveHost, LiveKeep, LiveNoOpen, LiveOption, LiveOptions, LivePort
+from clew.cli.options import Json, LogLevel, LogLevelOption, Quiet
+
 
 def demo(
     out: Annotated[Path, typer.Option("-o", "--out", metavar="OUT", help="Output folder.")] = Path("demo"),
     seed: Annotated[int, typer.Option(help="Another seed makes another building, way and noise.")] = 1,
     seconds: Annotated[float, typer.Option(help="Length of the drive.")] = 400.0,
-    json: Annotated[bool, typer.Option("--json", help="Print the summary as JSON.")] = False,
-    quiet: Annotated[bool, typer.Option("-q", "--quiet", help="Print nothing but errors.")] = False,
+    live: LiveOption = None,
+    live_host: LiveHost = "127.0.0.1",
+    live_port: LivePort = 0,
+    no_open: LiveNoOpen = False,
+    live_keep: LiveKeep = False,
+    json: Json = False,
+    quiet: Quiet = False,
+    log_level: LogLevelOption = LogLevel.WARNING,
 ) -> None:
     """Simulate a robot with a laser in an office building, map it, and compare with the truth.
 
@@ -26,7 +35,10 @@ def demo(
     `clew demo`
 
     `clew demo -o other --seed 7`
+
+    `clew demo --live`
     """
     from clew.cli.job import run_demo
 
-    run_demo(out, seed, seconds, json, quiet)
+    viewing = LiveOptions(live, live_host, live_port, no_open, live_keep)
+    run_demo(out, seed, seconds, json, quiet, viewing)

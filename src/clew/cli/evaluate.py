@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
+from clew.cli.options import Json, LogLevel, LogLevelOption, Quiet
 from clew.errors import InputError
 
 if TYPE_CHECKING:
@@ -30,7 +31,9 @@ def evaluate(
     tolerance: Annotated[float | None, typer.Option(
         help="Greatest difference of timestamps, seconds (0.5 for --relations, 0.05 for --truth).",
         show_default=False)] = None,
-    json: Annotated[bool, typer.Option("--json", help="Print JSON instead of a table.")] = False,
+    json: Json = False,
+    quiet: Quiet = False,
+    log_level: LogLevelOption = LogLevel.WARNING,
 ) -> None:
     """Compare a trajectory with the truth, or with its own scans.
 
@@ -79,16 +82,21 @@ def evaluate(
         rows.append((f"drift over {delta}", drift.used, None, drift.translation, drift.rotation))
     of_itself = None
     if own_log is not None:
+        from clew.cli.progress import stages
         from clew.cli.self_evaluation import evaluate_self, in_plane
+        from clew.cli.terminal import messages
         from clew.io import open_log
 
-        of_itself = evaluate_self(timestamps, in_plane(poses), open_log(own_log))
+        with stages(messages(quiet)) as shown:
+            shown.begin("reading")
+            log = open_log(own_log)
+            of_itself = evaluate_self(timestamps, in_plane(poses), log, shown.counter("aligning", "pairs of scans"))
         report["self"] = of_itself.to_dict()
         pairs = of_itself.pairs
         rows.append(("revisits, own scans", pairs.used, pairs.unused, pairs.translation, pairs.rotation))
     if json:
         _print_json(report)
-    else:
+    elif not quiet:
         _print_table(trajectory, rows)
         if of_itself is not None:
             _print_spread(of_itself)
@@ -114,8 +122,9 @@ def _print_json(report: dict[str, object]) -> None:
 def _print_table(trajectory: Path,
                  rows: list[tuple[str, int, int | None, ErrorStatistics, ErrorStatistics]]) -> None:
     import numpy as np
-    from rich.console import Console
     from rich.table import Table
+
+    from clew.cli.terminal import results
 
     table = Table(box=None, padding=(0, 2, 0, 0), pad_edge=False)
     table.add_column("error", no_wrap=True)
@@ -127,15 +136,15 @@ def _print_table(trajectory: Path,
             values = (errors.mean, errors.std, errors.rmse, errors.median, errors.max)
             counts = (str(used), "" if unused is None else str(unused)) if label else ("", "")
             table.add_row(label, unit, *(f"{value * scale:.{digits}f}" for value in values), *counts)
-    console = Console()
-    console.print(str(trajectory), soft_wrap=True, markup=False, highlight=False)
+    console = results()
+    console.print(str(trajectory), soft_wrap=True, markup=False)
     console.print(table, width=max(console.width, 100), crop=False)
 
 
 def _print_spread(of_itself: SelfEvaluation) -> None:
-    from rich.console import Console
+    from clew.cli.terminal import results
 
     spread = of_itself.spread
-    Console().print(
+    results().print(
         f"returns about their walls: median {100 * spread.median:.2f} cm, rms {100 * spread.rms:.2f} cm "
-        f"({spread.used} returns, {spread.unused} without a wall)", highlight=False, soft_wrap=True)
+        f"({spread.used} returns, {spread.unused} without a wall)", soft_wrap=True)

@@ -6,14 +6,24 @@ import json as json_
 import sys
 import time
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 from rich.console import Console
 
 from clew._version import __version__
-from clew.cli.mapping_job import JobOptions, JobResult, Source, map_log
+from clew.cli.live import LiveOptions, live_view
+from clew.cli.mapping_job import JobOptions, JobResult, map_log
 from clew.cli.outputs import write_summary
+from clew.cli.terminal import messages
 from clew.errors import InputError
+from clew.io import Records
+
+Array = NDArray[np.float64]
+
+if TYPE_CHECKING:
+    from clew.sim import SimulatedLog
 
 INTERRUPTED = 130
 LEAST_RESOLUTION, LARGEST_RESOLUTION = 0.005, 1.0
@@ -21,17 +31,17 @@ LEAST_RESOLUTION, LARGEST_RESOLUTION = 0.005, 1.0
 
 def run_log(
     path: Path, out: Path, refine: bool, odometry: bool, resolution: float, scan_topic: str | None,
-    odometry_topic: str | None, json: bool, quiet: bool,
+    odometry_topic: str | None, json: bool, quiet: bool, live: LiveOptions,
 ) -> None:  # fmt: skip
     """The job of ``clew run``."""
-    from clew.io import ensure_output_folder, open_log
+    from clew.io import ensure_output_folder, log_health, open_log
 
     if not LEAST_RESOLUTION <= resolution <= LARGEST_RESOLUTION:
         raise InputError(
             f"--resolution {resolution:g}: give metres a cell between {LEAST_RESOLUTION:g} and {LARGEST_RESOLUTION:g}"
         )
     begun = time.perf_counter()
-    console = Console(stderr=True, quiet=quiet)
+    console = messages(quiet)
     with console.status(f"reading {path.name}"):
         log = open_log(path, scan_topic=scan_topic, odometry_topic=odometry_topic)
     if odometry and not log.has_odometry:
@@ -40,39 +50,61 @@ def run_log(
             "or estimate the motion from the scans alone with --no-odometry"
         )
     ensure_output_folder(out)
-    result = map_log(log, JobOptions(out, path.name, refine, odometry, resolution, quiet), console, begun)
-    _finish(result, {"log": path.name}, out, log, json, console)
+    with live_view(live, path.name, log.scan_count, console) as viewer:
+        result = map_log(log, JobOptions(out, path.name, refine, odometry, resolution), console, begun,
+                         health=lambda: log_health(log), viewer=viewer)
+        code = _finish(result, {"log": path.name}, out, log, json, console)
+    sys.exit(code)
 
 
-def run_demo(out: Path, seed: int, seconds: float, json: bool, quiet: bool) -> None:
+def run_demo(out: Path, seed: int, seconds: float, json: bool, quiet: bool, live: LiveOptions) -> None:
     """The job of ``clew demo``."""
-    from clew.evaluate import absolute_trajectory_error
-    from clew.io import ensure_output_folder, write_tum
+    from clew.geometry import se2
+    from clew.io import ensure_output_folder, log_health
     from clew.sim import simulate_demo
+    from clew.slam import Trajectory
 
     if not 10 <= seconds <= 36000:
         raise InputError(f"--seconds {seconds:g}: give between 10 and 36000")
     if seed < 0:
         raise InputError(f"--seed {seed}: give a number that is not negative")
     ensure_output_folder(out)
-    console = Console(stderr=True, quiet=quiet)
+    console = messages(quiet)
     with console.status("simulating"):
         log = simulate_demo(seed, duration=seconds)
-    result = map_log(log, JobOptions(out, f"clew demo, seed {seed}", quiet=quiet), console)
+
+    def truth(stamps: Array) -> Trajectory:
+        poses = log.T_world_robot[np.searchsorted(log.timestamps, stamps)]
+        return Trajectory(stamps, se2.between(poses[0], poses))
+
+    title = f"clew demo, seed {seed}"
+    with live_view(live, title, log.scan_count, console) as viewer:
+        result = map_log(log, JobOptions(out, title), console, health=lambda: log_health(log), truth=truth,
+                         viewer=viewer)
+        about = _against_truth(result, log, out, seed)
+        code = _finish(result, about, out, log, json, console)
+    sys.exit(code)
+
+
+def _against_truth(result: JobResult, log: SimulatedLog, out: Path, seed: int) -> dict[str, object]:
+    """Write the truth beside the estimate, and say how far the two are apart."""
+    from clew.evaluate import absolute_trajectory_error
+    from clew.io import write_tum
+
     stamps = result.slam.trajectory.timestamps
-    truth = log.T_world_robot[np.searchsorted(log.timestamps, stamps)]
-    write_tum(out / "truth.tum", stamps, truth)
+    true_poses = log.T_world_robot[np.searchsorted(log.timestamps, stamps)]
+    write_tum(out / "truth.tum", stamps, true_poses)
     errors = {
-        name: absolute_trajectory_error(stamps, truth, stamps, estimate.T_world_robot).translation.rmse
+        name: absolute_trajectory_error(stamps, true_poses, stamps, estimate.T_world_robot).translation.rmse
         for name, estimate in (("ate_m", result.slam.trajectory), ("odometry_ate_m", result.slam.odometry))
     }
-    about = {"log": f"simulated, seed {seed}", **{name: round(error, 4) for name, error in errors.items()}}
-    _finish(result, about, out, log, json, console)
+    return {"log": f"simulated, seed {seed}", **{name: round(error, 4) for name, error in errors.items()}}
 
 
 def _finish(
-    result: JobResult, about: dict[str, object], out: Path, log: Source, json: bool, console: Console
-) -> None:
+    result: JobResult, about: dict[str, object], out: Path, log: Records, json: bool, console: Console
+) -> int:
+    """Write and print the outcome; returns the exit code."""
     summary = {**about, **result.summary, "version": __version__}
     write_summary(summary, out / "summary.json")
     if json:
@@ -80,10 +112,11 @@ def _finish(
     _report(summary, out, log, console)
     if result.interrupted:
         console.print("interrupted: the files hold what was mapped so far")
-        sys.exit(INTERRUPTED)
+        return INTERRUPTED
+    return 0
 
 
-def _report(summary: dict[str, object], out: Path, log: Source, console: Console) -> None:
+def _report(summary: dict[str, object], out: Path, log: Records, console: Console) -> None:
     """The outcome in a few lines."""
     console.print(
         f"{summary['scans']} scans, {summary['keyframes']} keyframes, {summary['closures_accepted']} loop closures "
@@ -105,4 +138,4 @@ def _report(summary: dict[str, object], out: Path, log: Source, console: Console
     if skipped:
         listed = ", ".join(f"{count} {reason}" for reason, count in skipped.items())
         console.print(f"left out: {listed}", highlight=False)
-    console.print(f"look at {out / 'overview.png'}; everything else is beside it", highlight=False)
+    console.print(f"look at {out / 'report.html'}; everything else is beside it", highlight=False)

@@ -14,6 +14,8 @@ from rich.console import Console
 
 from clew._version import __version__
 from clew.cli.outputs import write_summary
+from clew.cli.progress import stages
+from clew.cli.terminal import messages
 from clew.errors import InputError
 from clew.evaluate import absolute_trajectory_error, align
 from clew.geometry import se2
@@ -29,14 +31,14 @@ from clew.io import (
     write_tum,
 )
 from clew.slam.landmarks import LandmarkMap, map_landmarks
-from clew.view import save_landmarks_png
+from clew.view import report_of_landmarks, save_landmarks_png, write_report
 
 
 def run_landmarks(folder: Path, out: Path, robot: int | None, json: bool, quiet: bool) -> None:
     """Map what one robot of a folder saw, or all of them together, and write everything into the output folder.
 
     Writes ``trajectory.tum`` (one a robot, ``trajectory_robotN.tum``, for several), ``graph.g2o``, ``landmarks.csv``,
-    ``landmarks.png`` and ``summary.json``.
+    ``landmarks.png``, ``report.html`` and ``summary.json``.
 
     Args:
         folder: a folder of the UTIAS MRCLAM data (`clew.io.is_mrclam`).
@@ -52,17 +54,20 @@ def run_landmarks(folder: Path, out: Path, robot: int | None, json: bool, quiet:
     numbers = (robot,) if robot is not None else mrclam_robots(folder)
     if not numbers:
         raise InputError(f"{folder}: holds no RobotN_Odometry.dat; give a folder of the UTIAS MRCLAM data")
-    console = Console(stderr=True, quiet=quiet)
+    console = messages(quiet)
     begun = time.perf_counter()
     with console.status(f"reading {folder.name}"):
         logs = [read_mrclam(folder, number) for number in numbers]
         survey = read_survey(folder)
     ensure_output_folder(out)
-    with console.status("mapping"):
+    with stages(console) as shown:
+        shown.begin("mapping", note=f"{sum(len(log.landmarks) for log in logs):,} sightings of landmarks")
         found = map_landmarks(logs)
     summary = {"log": folder.name, **_summary(found, logs, survey), "version": __version__}
     summary["wall_seconds"] = round(time.perf_counter() - begun, 3)
     _write(found, folder.name, out)
+    skipped: dict[str, int] = dict(sum((log.report.skipped for log in logs), Counter()))
+    write_report(out / "report.html", report_of_landmarks(found, folder.name, dict(sorted(skipped.items()))))
     write_summary(summary, out / "summary.json")
     if json:
         sys.stdout.write(json_.dumps(summary) + "\n")
@@ -149,4 +154,4 @@ def _report(summary: dict[str, object], out: Path, console: Console) -> None:
     assert isinstance(skipped, dict)
     if skipped:
         console.print("left out: " + ", ".join(f"{n} {reason}" for reason, n in skipped.items()), highlight=False)
-    console.print(f"look at {out / 'landmarks.png'}; everything else is beside it", highlight=False)
+    console.print(f"look at {out / 'report.html'}; everything else is beside it", highlight=False)

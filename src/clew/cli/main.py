@@ -10,12 +10,15 @@ from typing import Annotated
 import typer
 
 from clew._version import __version__
+from clew.cli.convert import convert
 from clew.cli.demo import demo
 from clew.cli.evaluate import evaluate
 from clew.cli.info import info
+from clew.cli.live import LiveCommand
 from clew.cli.merge import merge
 from clew.cli.optimize import optimize
 from clew.cli.run import run
+from clew.cli.view import view
 from clew.errors import ClewError
 
 BAD_INPUT = 2
@@ -26,16 +29,17 @@ app = typer.Typer(
     name="clew",
     help="Graph SLAM: a robot's log in, an optimised trajectory and a map out.",
     epilog="Begin with:  clew demo -o demo   then:  clew run LOG -o OUT",
-    add_completion=False,
     rich_markup_mode="markdown",
     pretty_exceptions_enable=False,
 )
-app.command()(run)
-app.command()(demo)
+app.command(cls=LiveCommand)(run)
+app.command(cls=LiveCommand)(demo)
 app.command()(optimize)
 app.command()(evaluate)
 app.command()(merge)
 app.command()(info)
+app.command()(convert)
+app.command()(view)
 
 
 def _version(wanted: bool) -> None:

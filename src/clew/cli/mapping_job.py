@@ -2,43 +2,32 @@
 
 from __future__ import annotations
 
+import logging
 import time
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Protocol
 
+import numpy as np
+from numpy.typing import NDArray
 from rich.console import Console
 
 from clew.cli.interrupt import Interrupt
+from clew.cli.live import JobViewer, NoViewer
 from clew.cli.outputs import write_outputs
 from clew.cli.process import peak_memory_mb
 from clew.cli.progress import job_progress
 from clew.errors import InputError
+from clew.io import LogHealth, Records
 from clew.motion import Odometry
 from clew.place import Verdict
-from clew.scan import LaserScan
-from clew.slam import Slam, SlamConfig
+from clew.slam import Slam, SlamConfig, Trajectory
+from clew.view import report_of_run, write_report
 
+_log = logging.getLogger(__name__)
 
-class Skipped(Protocol):
-    """Counts of the records that a reader left out."""
-
-    @property
-    def skipped(self) -> Counter[str]: ...
-
-
-class Source(Protocol):
-    """A recorded or simulated log."""
-
-    @property
-    def report(self) -> Skipped: ...
-    @property
-    def scan_count(self) -> int: ...
-    @property
-    def duration(self) -> float: ...
-    def measurements(self) -> Iterator[LaserScan | Odometry]: ...
+Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -50,7 +39,6 @@ class JobOptions:
     refine: bool = True
     odometry: bool = True
     resolution: float = 0.05
-    quiet: bool = False
 
 
 @dataclass(frozen=True)
@@ -62,7 +50,11 @@ class JobResult:
     interrupted: bool
 
 
-def map_log(log: Source, options: JobOptions, console: Console, begun: float | None = None) -> JobResult:
+def map_log(
+    log: Records, options: JobOptions, console: Console, begun: float | None = None,
+    health: Callable[[], LogHealth] | None = None, truth: Callable[[Array], Trajectory] | None = None,
+    viewer: JobViewer | None = None,
+) -> JobResult:  # fmt: skip
     """Estimate, refine, map and write everything into the output folder, which exists.
 
     Args:
@@ -70,14 +62,18 @@ def map_log(log: Source, options: JobOptions, console: Console, begun: float | N
         options: see `JobOptions`.
         console: where progress goes.
         begun: `time.perf_counter` when the job began, for its duration; now unless given.
+        health: tells the state of the log, when the estimate is done.
+        truth: gives the true poses at timestamps, in the frame of the first, where they are known.
+        viewer: shows the job while it works.
 
     Raises:
         InputError: the log holds no usable scan, or a file cannot be written.
     """
     begun = time.perf_counter() if begun is None else begun
-    slam = Slam(SlamConfig(map_resolution=options.resolution), use_odometry=options.odometry)
+    viewer = NoViewer() if viewer is None else viewer
+    slam = Slam(SlamConfig(map_resolution=options.resolution), use_odometry=options.odometry, viewer=viewer)
     left_out: Counter[str] = Counter()
-    with Interrupt() as interrupt, job_progress(console, log.scan_count, options.quiet) as progress:
+    with Interrupt() as interrupt, job_progress(console, log.scan_count) as progress:
         for measurement in log.measurements():
             if interrupt.requested:
                 break
@@ -98,13 +94,22 @@ def map_log(log: Source, options: JobOptions, console: Console, begun: float | N
                 f"no odometry before any of the {log.scan_count} scans: give a log with odometry, "
                 "or estimate the motion from the scans alone with --no-odometry"
             )
+        _log.info("mapped %d scans, %d keyframes, %d closures in %.2f s", slam.scan_count, len(slam.keyframes),
+                  len(slam.closures), time.perf_counter() - begun)
         if options.refine and not stopped:
+            viewer.stage("refining")
             slam.refine(progress.refining)
         else:
             slam.optimise()
-        progress.writing()
+        progress.mapped(0, slam.scan_count)
+        viewer.stage("writing")
         estimated = time.perf_counter() - begun
-        grid = write_outputs(slam, options.out, options.title)
+        _log.info("the estimate stands after %.2f s; writing to %s", estimated, options.out)
+        grid = write_outputs(slam, options.out, options.title, progress.mapped)
+        skipped = dict(sorted((log.report.skipped + left_out).items()))
+        write_report(options.out / "report.html", report_of_run(
+            slam, grid, options.title, health=None if health is None else health(), skipped=skipped,
+            complete=not stopped, truth=None if truth is None else truth(slam.trajectory.timestamps)))
     wall = time.perf_counter() - begun
     stamps = slam.trajectory.timestamps
     log_seconds = float(stamps[-1] - stamps[0])
@@ -125,7 +130,7 @@ def map_log(log: Source, options: JobOptions, console: Console, begun: float | N
         "refined": options.refine and not stopped,
         "complete": not stopped,
         "map_size_m": [round(side * grid.resolution, 2) for side in grid.shape[::-1]],
-        "skipped": dict(sorted((log.report.skipped + left_out).items())),
+        "skipped": skipped,
     }
     return JobResult(slam, {**summary, "peak_memory_mb": _rounded(peak_memory_mb())}, stopped)
 

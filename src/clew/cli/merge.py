@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from clew.cli.options import Json, LogLevel, LogLevelOption, Quiet
+
 if TYPE_CHECKING:
     from clew.fleet import MergedFleet
 
@@ -18,28 +20,42 @@ def merge(
         show_default=False)],
     output: Annotated[Path, typer.Option("-o", "--output", help="Folder for the merged graph.", metavar="OUT",
                                          show_default=False)],
-    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object instead of text.")] = False,
+    as_json: Json = False,
+    quiet: Quiet = False,
+    log_level: LogLevelOption = LogLevel.WARNING,
 ) -> None:
     """Merge robots that share landmarks or have relative poses between their graphs; no initial guess is needed.
 
     Where the robots stand to each other is told from at least three landmarks of the same identity, from a
     constellation of landmarks that cannot be chance, or from edges between the robots' poses (the top byte of a
     vertex id is the robot's letter). Robots that cannot be placed are not merged. The result is in the frame of
-    the first robot.
+    the first robot; report.html shows it.
 
     **Examples**
 
     `clew merge out1 out2 out3 -o all`
     """
+    from clew.cli.progress import stages
+    from clew.cli.terminal import messages
     from clew.fleet import merge as merge_robots
     from clew.fleet import read_robots, write_merged
     from clew.io import ensure_output_folder
+    from clew.view import report_of_merge, write_report
 
-    merged = merge_robots(read_robots(inputs))
-    ensure_output_folder(output)
-    write_merged(merged, output)
+    with stages(messages(quiet)) as shown:
+        shown.begin("reading")
+        robots = read_robots(inputs)
+        shown.begin("merging", note=f"{len(robots)} robots")
+        merged = merge_robots(robots)
+        shown.begin("writing")
+        ensure_output_folder(output)
+        write_merged(merged, output)
+        write_report(output / "report.html", report_of_merge(merged))
     summary = summarise(merged)
-    typer.echo(json.dumps(summary, indent=2) if as_json else _as_text(merged, summary))
+    if as_json:
+        typer.echo(json.dumps(summary, indent=2))
+    elif not quiet:
+        typer.echo(_as_text(merged, summary))
 
 
 def summarise(merged: MergedFleet) -> dict[str, object]:

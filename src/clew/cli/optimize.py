@@ -12,6 +12,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from clew.cli.options import Json, LogLevel, LogLevelOption, Quiet
+
 if TYPE_CHECKING:
     from clew.io import GraphFile
     from clew.noise import Kernel
@@ -44,7 +46,7 @@ def optimize(
             "-o",
             "--output",
             help="Write the result; the ending chooses the format: .g2o, .graph (TORO), .tum (the vertex id as "
-            "timestamp), .kitti or .txt (KITTI, by vertex id); .g2o.gz and .graph.gz are packed.",
+            "timestamp), .csv, .kitti or .txt (KITTI, by vertex id); .g2o.gz and .graph.gz are packed.",
         ),
     ] = None,
     method: Annotated[Method, typer.Option(help="How steps are found.")] = Method.LEVENBERG_MARQUARDT,
@@ -73,7 +75,18 @@ def optimize(
     plot: Annotated[
         Path | None, typer.Option(help="Draw the result as PNG; with --marginals, ellipses too.")
     ] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object instead of text.")] = False,
+    report: Annotated[
+        Path | None,
+        typer.Option(
+            show_default=False,
+            help="Write the report, one HTML file with the graph to look around in, how sure it is and what fits "
+            "badly. Default: beside the result (-o best.g2o: best.report.html).",
+        ),
+    ] = None,
+    no_report: Annotated[bool, typer.Option("--no-report", help="Write no report beside the result.")] = False,
+    as_json: Json = False,
+    quiet: Quiet = False,
+    log_level: LogLevelOption = LogLevel.WARNING,
     threads: Annotated[int, typer.Option(min=1, help="Threads of the factorisation.")] = 1,
 ) -> None:
     """Optimise a pose graph and say how it went.
@@ -88,7 +101,16 @@ def optimize(
     input ends with exit code 2 and one line.
     """
     clock = _Clock()
-    from clew.cli.solution_outputs import draw, format_of, write_marginals, write_result
+    from clew.cli.formats import GRAPHS, TRAJECTORIES, format_of
+    from clew.cli.progress import stages
+    from clew.cli.solution_outputs import (
+        draw,
+        report_beside,
+        write_marginals,
+        write_result,
+        write_solution_report,
+    )
+    from clew.cli.terminal import messages
     from clew.errors import InputError
     from clew.io import read_graph
     from clew.solve import Status
@@ -96,20 +118,26 @@ def optimize(
 
     kernel = None if robust is None else parse_kernel(robust)
     if output is not None:
-        format_of(output)
-    check_outputs(output, marginals, plot)  # a wrong name shall not cost a solve
+        format_of(output, GRAPHS + TRAJECTORIES)
+    if report is None and output is not None and not no_report:
+        report = report_beside(output)
+    check_outputs(output, marginals, plot, report)  # a wrong name shall not cost a solve
     clock.skip()
-    file = read_graph(graph)
-    clock.lap("read")
-    _check(file, init)
-    solution = solve(
-        file.graph,
-        method=method.value,
-        init=init.value,
-        robust=kernel,
-        max_iterations=max_iterations,
-        threads=threads,
-    )
+    with stages(messages(quiet)) as shown:
+        shown.begin("reading", note=graph.name)
+        file = read_graph(graph)
+        clock.lap("read")
+        _check(file, init)
+        shown.begin("solving", note=f"initial guess, {len(file.graph):,} variables")
+        solution = solve(
+            file.graph,
+            method=method.value,
+            init=init.value,
+            robust=kernel,
+            max_iterations=max_iterations,
+            threads=threads,
+            callback=shown.iterations(max_iterations),
+        )
     clock.skip()
     clock.seconds["initialise"] = solution.seconds["initialise"]
     clock.seconds["solve"] = solution.seconds["total"] - solution.seconds["initialise"]
@@ -125,21 +153,33 @@ def optimize(
     if plot is not None:
         draw(plot, solution, ellipses=marginals is not None)
         clock.lap("plot")
+    if report is not None:
+        write_solution_report(report, file, solution, robust=kernel, notes=_notes(file))
+        clock.lap("report")
     seconds = clock.finish()
-    typer.echo(_as_json(file, solution, seconds) if as_json else _as_text(file, solution, seconds))
+    if as_json:
+        typer.echo(_as_json(file, solution, seconds))
+    elif not quiet:
+        typer.echo(_as_text(file, solution, seconds))
 
 
-def check_outputs(output: Path | None, marginals: Path | None, plot: Path | None) -> None:
+def check_outputs(
+    output: Path | None, marginals: Path | None, plot: Path | None, report: Path | None = None
+) -> None:
     """Refuse outputs that would overwrite each other or cannot be written.
 
     Raises:
-        InputError: two outputs of one name, a picture that is no PNG, or a folder that is missing.
+        InputError: two outputs of one name, a picture that is no PNG, a report that is no HTML, or a folder that is
+            missing.
     """
     from clew.errors import InputError
 
+    if report is not None and report.suffix.lower() not in (".html", ".htm"):
+        raise InputError(f"{report}: reports are HTML files; give a name that ends in .html")
+
     if plot is not None and plot.suffix.lower() != ".png":
         raise InputError(f"{plot}: pictures are PNG files; give a name that ends in .png")
-    given = [path for path in (output, marginals, plot) if path is not None]
+    given = [path for path in (output, marginals, plot, report) if path is not None]
     if len({path.resolve() for path in given}) < len(given):
         raise InputError(f"{given[0]}: two outputs have one name; give each its own")
     for path in given:

@@ -24,8 +24,8 @@ def _set_level(level: LogLevel) -> LogLevel:
 
 
 Json = Annotated[bool, typer.Option("--json", help="Print JSON instead of text.")]
-Quiet = Annotated[bool, typer.Option("-q", "--quiet", help="Print nothing but errors (and what --json asks for).")]
+Quiet = Annotated[bool, typer.Option("-q", "--quiet", help="Print nothing but errors, and JSON if asked for.")]
 LogLevelOption = Annotated[
-    LogLevel, typer.Option("--log-level", callback=_set_level, case_sensitive=False,
-                           help="How much is told of what goes on inside.")
+    LogLevel, typer.Option("--log-level", metavar="LEVEL", callback=_set_level, case_sensitive=False,
+                           help="What is told of what goes on inside: debug, info, warning or error.")
 ]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 
 import numpy as np
@@ -15,9 +15,14 @@ from clew.slam import Slam
 from clew.view import save_map_png, save_overview_png
 
 
-def write_outputs(slam: Slam, out: Path, title: str) -> OccupancyGrid:
-    """Trajectory, keyframes, graph, closures, map and pictures (with a title); returns the map."""
-    grid = slam.map()  # first of all: a map that does not fit into memory leaves no file behind
+def write_outputs(
+    slam: Slam, out: Path, title: str, progress: Callable[[int, int], None] | None = None
+) -> OccupancyGrid:
+    """Trajectory, keyframes, graph, closures, map and pictures (with a title); returns the map.
+
+    `progress` is called with the scans in the map and all of them.
+    """
+    grid = slam.map(progress=progress)  # first of all: a map that does not fit into memory leaves no file behind
     trajectory, keyframes, every = slam.trajectory, slam.keyframes, slam.every_keyframe
     write_tum(out / "trajectory.tum", trajectory.timestamps, trajectory.T_world_robot)
     write_tum(out / "keyframes.tum", keyframes.timestamps, keyframes.T_world_robot)

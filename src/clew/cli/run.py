@@ -7,6 +7,9 @@ from typing import Annotated
 
 import typer
 
+from clew.cli.live import LiveHost, LiveKeep, LiveNoOpen, LiveOption, LiveOptions, LivePort
+from clew.cli.options import Json, LogLevel, LogLevelOption, Quiet
+
 
 def run(
     log: Annotated[
@@ -29,8 +32,14 @@ def run(
     robot: Annotated[
         int | None, typer.Option(metavar="N", show_default=False, help="Robot of an MRCLAM folder; default: all.")
     ] = None,
-    json: Annotated[bool, typer.Option("--json", help="Print the summary as JSON.")] = False,
-    quiet: Annotated[bool, typer.Option("-q", "--quiet", help="Print nothing but errors.")] = False,
+    live: LiveOption = None,
+    live_host: LiveHost = "127.0.0.1",
+    live_port: LivePort = 0,
+    no_open: LiveNoOpen = False,
+    live_keep: LiveKeep = False,
+    json: Json = False,
+    quiet: Quiet = False,
+    log_level: LogLevelOption = LogLevel.WARNING,
 ) -> None:
     """Map a robot's log: laser scans and wheel odometry in, trajectory, graph and map out.
 
@@ -41,12 +50,18 @@ def run(
     A folder of the UTIAS MRCLAM data (odometry and sightings of landmarks) gives landmarks.csv and landmarks.png in
     place of the map, for one robot or for all of them in one graph; the options of laser logs do not concern it.
 
-    **OUT** receives trajectory.tum (a pose for every scan), keyframes.tum, graph.g2o, map.pgm and map.yaml (for ROS),
-    map.png, overview.png (look at this first), closures.csv and summary.json.
+    **OUT** receives report.html (look at this first: map, replay, closures with their scans, what to check),
+    trajectory.tum (a pose for every scan), keyframes.tum, graph.g2o, map.pgm and map.yaml (for ROS), map.png,
+    overview.png, closures.csv and summary.json.
+
+    With --live a page in the browser shows map and graph while they grow (on this machine only; the address that is
+    printed holds a key that lets you in). Closing it changes nothing.
 
     **Examples**
 
     `clew run intel.clf.bz2 -o out`
+
+    `clew run intel.clf.bz2 -o out --live`
 
     `clew run recording.bag -o out --scan-topic /front/scan`
 
@@ -59,10 +74,13 @@ def run(
     from clew.io import is_mrclam
 
     if is_mrclam(log):
+        if live is not None:
+            raise InputError(f"--live: shows runs of laser logs, and {log} is an MRCLAM folder; leave the option out")
         from clew.cli.landmark_job import run_landmarks
 
         run_landmarks(log, out, robot, json, quiet)
         return
     if robot is not None:
         raise InputError(f"--robot {robot}: {log} is no MRCLAM folder; leave the option out")
-    run_log(log, out, refine, odometry, resolution, scan_topic, odometry_topic, json, quiet)
+    viewing = LiveOptions(live, live_host, live_port, no_open, live_keep)
+    run_log(log, out, refine, odometry, resolution, scan_topic, odometry_topic, json, quiet, viewing)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -61,13 +61,16 @@ def in_plane(poses: Array) -> Array:
     return np.column_stack([poses[:, :2], np.arctan2(forward[:, 1], forward[:, 0])])
 
 
-def evaluate_self(timestamps: Array, poses: Array, log: Log) -> SelfEvaluation:
+def evaluate_self(
+    timestamps: Array, poses: Array, log: Log, progress: Callable[[int, int], None] | None = None
+) -> SelfEvaluation:
     """Judge a trajectory by the scans of its log.
 
     Args:
         timestamps: ``(N,)`` seconds.
         poses: ``(N, 3)`` poses of the robot.
         log: where the scans come from.
+        progress: called with the pairs of scans aligned and of all.
 
     Raises:
         InputError: trajectory and log have fewer than two moments in common.
@@ -82,11 +85,13 @@ def evaluate_self(timestamps: Array, poses: Array, log: Log) -> SelfEvaluation:
                          "give the log that the trajectory was made from")
     scans = [scans[i] for i in in_log]
     poses = poses[in_trajectory]
-    pairs, disagreement = _judge_pairs(timestamps[in_trajectory], poses, scans)
+    pairs, disagreement = _judge_pairs(timestamps[in_trajectory], poses, scans, progress)
     return SelfEvaluation(pairs, disagreement, _judge_spread(poses, scans))
 
 
-def _judge_pairs(times: Array, poses: Array, scans: Sequence[LaserScan]) -> tuple[PairErrors, tuple[float, float]]:
+def _judge_pairs(
+    times: Array, poses: Array, scans: Sequence[LaserScan], progress: Callable[[int, int], None] | None
+) -> tuple[PairErrors, tuple[float, float]]:
     pairs = revisiting_pairs(times, poses)
     T_first_second = np.zeros((len(pairs), 3))
     known = np.zeros(len(pairs), dtype=np.bool_)
@@ -97,6 +102,8 @@ def _judge_pairs(times: Array, poses: Array, scans: Sequence[LaserScan]) -> tupl
         clouds = join([index_cloud(extract_points(scans[row])) for row in rows])
         local_pairs = np.asarray(local.reshape(-1, 2), dtype=np.int32)
         T_first_second[part], known[part], gaps[part] = measure_pairs(clouds, local_pairs, poses[rows])
+        if progress is not None:
+            progress(min(begin + PAIRS_AT_ONCE, len(pairs)), len(pairs))
     agreement = (float(gaps[known, 0].mean()), float(gaps[known, 1].mean())) if known.any() else (np.nan, np.nan)
     return pair_errors(poses, pairs, T_first_second, known), agreement
 

@@ -1,4 +1,4 @@
-"""What ``clew optimize`` writes: graph or trajectory, covariances, a picture."""
+"""What ``clew optimize`` writes: graph or trajectory, covariances, a picture, a report."""
 
 from __future__ import annotations
 
@@ -8,7 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from clew.errors import InputError
+from clew.geometry import SE2, SE3
 from clew.io import GraphFile, atomic_write, write_graph, write_kitti, write_tum
+from clew.noise import Kernel
 from clew.solve import Solution
 
 Array = NDArray[np.float64]
@@ -80,3 +82,22 @@ def draw(path: Path, solution: Solution, *, ellipses: bool) -> None:
 
     scene = solution_scene(solution, covariances=ellipses)
     save_figure(graph_figure(scene, f"chi2 {solution.chi2:.6g}"), path)
+
+
+def report_beside(output: Path) -> Path:
+    """Where the report of a result goes unless it is told: ``best.report.html`` beside ``best.g2o.gz``."""
+    return output.with_name(output.name.split(".")[0] + ".report.html")
+
+
+def write_solution_report(
+    path: Path, file: GraphFile, solution: Solution, *, robust: Kernel | None, notes: list[str]
+) -> None:
+    """The report of a solve; nothing for a graph without poses of one kind, which has no map.
+
+    Raises:
+        InputError: the file cannot be written.
+    """
+    from clew.view import report_of_solution, write_report
+
+    if sum(kind in (SE2, SE3) for kind in solution.kinds) == 1:
+        write_report(path, report_of_solution(solution, file.path.name, robust=robust, notes=tuple(notes)))

@@ -23,7 +23,8 @@ class PathCuts:
     """What ties the poses before each step of a path to those after it.
 
     Attributes:
-        edges: ``(N - 1,)`` edges that reach over the step from pose ``k`` to pose ``k + 1``.
+        edges: ``(N - 1,)`` edges, and landmarks seen on both sides, that reach over the step from pose ``k`` to
+            pose ``k + 1``.
         information: ``(N - 1,)`` their summed information about one coordinate of the position, 1 / m^2 (the mean of
             the axes; lever arms are left out, so that it compares the steps of a path and measures nothing else).
     """
@@ -86,29 +87,55 @@ def bridges(count: int, pairs: Index) -> Flags:
 
 
 def path_cuts(graph: FactorGraph, keys: Index) -> PathCuts:
-    """How firmly each step of a path is held: by itself, and by the edges that reach over it.
+    """How firmly each step of a path is held: by itself, and by what reaches over it.
+
+    A landmark that is seen on both sides of a step counts as one edge over it, with the information of the sightings
+    before and after in series.
 
     Args:
-        graph: with factors between pairs of poses; other factors tie no two poses of the path and do not count.
+        graph: with factors between pairs of poses, or of poses and landmarks.
         keys: ``(N,)`` keys of the poses of a path, in the order of driving.
     """
     steps = max(len(keys) - 1, 0)
     edges, information = np.zeros(steps + 1, np.int64), np.zeros(steps + 1)
+    if not steps:
+        return PathCuts(edges[:0], information[:0])
     order = np.argsort(keys)
     ordered = keys[order]
+    sightings = []
     for block in graph.blocks():
-        if len(block.kinds) != 2 or block.kinds[0] is not block.kinds[1] or not len(keys):
+        if len(block.kinds) != 2:
             continue
-        place = np.minimum(np.searchsorted(ordered, block.keys), len(keys) - 1)
-        known = (ordered[place] == block.keys).all(axis=1)
-        start, end = np.sort(order[place[known]], axis=1).T
-        space = block.kinds[0].space
-        share = np.trace(block.information[known, :space, :space], axis1=1, axis2=2) / space
-        for ends, sign in ((start, 1), (end, -1)):
-            np.add.at(edges, ends, sign)
-            np.add.at(information, ends, sign * share)
-    held = np.maximum(np.cumsum(information)[:steps], 0.0)
-    return PathCuts(np.cumsum(edges)[:steps], held)
+        place = np.minimum(np.searchsorted(ordered, block.keys), steps)
+        known = ordered[place] == block.keys
+        space = min(block.kinds[0].space, block.residual_dim)
+        share = np.trace(block.information[:, :space, :space], axis1=1, axis2=2) / space
+        both = known.all(axis=1)
+        start, end = np.sort(order[place[both]], axis=1).T
+        _reach(edges, information, start, end, share[both])
+        if block.kinds[0] is not block.kinds[1] and known[:, 0].any():
+            seen = known[:, 0]
+            sightings.append((block.keys[seen, 1], order[place[seen, 0]], share[seen]))
+    if sightings:
+        landmark, pose, share = (np.concatenate(column) for column in zip(*sightings, strict=True))
+        by_landmark = np.lexsort((pose, landmark))
+        landmark, pose, share = landmark[by_landmark], pose[by_landmark], share[by_landmark]
+        last = np.append(landmark[1:] != landmark[:-1], True)
+        group = np.cumsum(last) - last
+        total = np.bincount(group, share)
+        before = np.cumsum(share)
+        before -= np.concatenate([[0.0], before[last]])[group]
+        series = before * (total[group] - before) / np.maximum(total[group], 1e-300)
+        on = np.flatnonzero(~last)
+        _reach(edges, information, pose[on], pose[on + 1], series[on])
+    return PathCuts(np.cumsum(edges)[:steps], np.maximum(np.cumsum(information)[:steps], 0.0))
+
+
+def _reach(edges: Index, information: Array, start: Index, end: Index, share: Array) -> None:
+    """Add edges over the steps from `start` to `end` to the differences of the sums along a path."""
+    for ends, sign in ((start, 1), (end, -1)):
+        np.add.at(edges, ends, sign)
+        np.add.at(information, ends, sign * share)
 
 
 def stretches(flags: Flags) -> Index:

@@ -7,7 +7,7 @@ from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import chi2
+from scipy.special import chdtrc
 
 from clew.graph import Factor, FactorGraph, Role
 
@@ -53,7 +53,7 @@ class FactorResiduals:
     @property
     def chance(self) -> Array:
         """``(F,)`` probability that noise as stated leaves a residual at least as large as each."""
-        return np.asarray(chi2.sf(self.squared, np.maximum(self.dim, 1)), dtype=np.float64)
+        return np.asarray(chdtrc(np.maximum(self.dim, 1), self.squared), dtype=np.float64)
 
     def of_role(self, role: Role) -> NDArray[np.bool_]:
         """``(F,)`` which factors stand for this."""

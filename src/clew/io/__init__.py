@@ -5,14 +5,16 @@ from clew.io.bag import Topic, list_topics
 from clew.io.graph_file import Features, GraphFile, GraphReport
 from clew.io.health import LaserHealth, LogHealth, StreamHealth, log_health, stream_health
 from clew.io.kind import GRAPHS, LOGS, TRAJECTORIES, FileKind, file_kind
-from clew.io.log import Log, Measurement, ReadReport
+from clew.io.log import Log, Measurement, ReadReport, Records
 from clew.io.mrclam import is_mrclam, mrclam_robots, read_mrclam, read_survey
 from clew.io.open_log import open_log
 from clew.io.read_graph import read_graph
 from clew.io.relations import Relations, read_relations, write_relations
-from clew.io.ros_map import RosMap, read_ros_map, write_ros_map
+from clew.io.ros_map import RosMap, read_png_map, read_ros_map, write_png_map, write_ros_map
 from clew.io.sightings import SightingLog, Sightings, SurveyedLandmarks, Velocities
 from clew.io.trajectory import read_csv, read_kitti, read_tum, write_csv, write_kitti, write_tum
+from clew.io.write_bag import write_bag
+from clew.io.write_carmen import write_carmen_log
 from clew.io.write_graph import write_graph
 
 __all__ = [
@@ -28,6 +30,7 @@ __all__ = [
     "LogHealth",
     "Measurement",
     "ReadReport",
+    "Records",
     "Relations",
     "RosMap",
     "SightingLog",
@@ -49,14 +52,18 @@ __all__ = [
     "read_graph",
     "read_kitti",
     "read_mrclam",
+    "read_png_map",
     "read_relations",
     "read_ros_map",
     "read_survey",
     "read_tum",
     "stream_health",
+    "write_bag",
+    "write_carmen_log",
     "write_csv",
     "write_graph",
     "write_kitti",
+    "write_png_map",
     "write_relations",
     "write_ros_map",
     "write_tum",

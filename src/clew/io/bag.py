@@ -37,8 +37,12 @@ def bag_suffix(path: Path) -> str | None:
     return next((suffix for magic, suffix in BAG_MAGIC.items() if head.startswith(magic)), None)
 
 
-def _library(path: Path) -> tuple[Any, Any]:
-    """The reader of the `rosbags` library and its types for bags that define none."""
+def load_rosbags(path: Path) -> tuple[Any, Any]:
+    """The reader of the `rosbags` library and its types for bags that define none.
+
+    Raises:
+        MissingDependencyError: the library is missing, or does not fit; the text names `path`.
+    """
     advice = "install it with: pip install 'clew[bags]'"
     if importlib.util.find_spec("rosbags") is None:
         raise MissingDependencyError(f"{path}: ROS bags need the library rosbags, which is missing; {advice}")
@@ -55,7 +59,7 @@ def _library(path: Path) -> tuple[Any, Any]:
 @contextmanager
 def _opened(path: Path) -> Iterator[Any]:
     """A reader on the bag; the library goes by file names, so a bag of another name gets a fitting link."""
-    reader, types = _library(path)
+    reader, types = load_rosbags(path)
     suffix = None if path.is_dir() else bag_suffix(path)
     with tempfile.TemporaryDirectory() as folder:
         named = path

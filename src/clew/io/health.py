@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from clew.geometry import wrap
-from clew.io.log import Log
+from clew.io.log import Records
 from clew.io.recorded import RecordedLog, ScanTable
 
 Array = NDArray[np.float64]
@@ -139,7 +139,7 @@ class LogHealth:
                 "skipped": dict(self.skipped), "problems": list(self.problems)}
 
 
-def log_health(log: Log) -> LogHealth:
+def log_health(log: Records) -> LogHealth:
     """Examine a log. Nothing is estimated: this is what the records themselves say."""
     recorded = RecordedLog.of(log)
     table = recorded.scans

@@ -22,6 +22,27 @@ class ReadReport:
     skipped: Counter[str] = field(default_factory=Counter)
 
 
+class Skipped(Protocol):
+    """Counts of the records that a reader left out."""
+
+    @property
+    def skipped(self) -> Counter[str]: ...
+
+
+class Records(Protocol):
+    """Measurements that were recorded or simulated, from a file or in place of one."""
+
+    @property
+    def path(self) -> Path: ...
+    @property
+    def report(self) -> Skipped: ...
+    @property
+    def scan_count(self) -> int: ...
+    @property
+    def duration(self) -> float: ...
+    def measurements(self) -> Iterator[Measurement]: ...
+
+
 class Log(Protocol):
     """A robot's log as a stream of measurements in the order of their timestamps, without duplicates.
 

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from clew.errors import InputError
-from clew.io.log import Log, Measurement, ReadReport
+from clew.io.log import Measurement, ReadReport, Records
 from clew.motion import Odometry
 from clew.scan import LaserScan
 
@@ -164,7 +164,7 @@ class RecordedLog:
         return recorded < 0.98 * timed
 
     @classmethod
-    def of(cls, log: Log) -> RecordedLog:
+    def of(cls, log: Records) -> RecordedLog:
         """Any log as arrays; one that is recorded is returned as it is."""
         if isinstance(log, cls):
             return log

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import io
 import math
 import re
+from collections.abc import Mapping
 from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path
@@ -62,12 +64,7 @@ def write_ros_map(path: str | PathLike[str], occupancy: Array | NDArray[np.uint8
         raise InputError(f"{stem}.pgm: a map has rows and columns, not shape {occupancy.shape}")
     if origin.shape not in ((2,), (3,)) or not np.isfinite(origin).all() or not 0 < resolution < math.inf:
         raise InputError(f"{stem}.yaml: resolution {resolution}, origin {origin.tolist()} place no map")
-    if occupancy.dtype == np.uint8:
-        grey = occupancy
-    else:
-        with np.errstate(invalid="ignore"):
-            grey = np.select([occupancy > OCCUPIED_THRESHOLD, occupancy < FREE_THRESHOLD],
-                             [_OCCUPIED, _FREE], _UNKNOWN).astype(np.uint8)
+    grey = _grey(occupancy)
     ensure_output_folder(stem.parent)
     image, description = stem.with_name(stem.name + ".pgm"), stem.with_name(stem.name + ".yaml")
     with atomic_write_binary(image) as binary:
@@ -80,6 +77,53 @@ def write_ros_map(path: str | PathLike[str], occupancy: Array | NDArray[np.uint8
                    f"origin: [{x!r}, {y!r}, {yaw!r}]\nnegate: 0\n"
                    f"occupied_thresh: {OCCUPIED_THRESHOLD}\nfree_thresh: {FREE_THRESHOLD}\n")
     return image, description
+
+
+def _grey(occupancy: Array | NDArray[np.uint8]) -> NDArray[np.uint8]:
+    """Grey values of probabilities; those that are grey already stay."""
+    if occupancy.dtype == np.uint8:
+        return occupancy.astype(np.uint8, copy=False)
+    with np.errstate(invalid="ignore"):
+        return np.select([occupancy > OCCUPIED_THRESHOLD, occupancy < FREE_THRESHOLD],
+                         [_OCCUPIED, _FREE], _UNKNOWN).astype(np.uint8)
+
+
+def write_png_map(path: str | PathLike[str], grid: RosMap) -> None:
+    """Write a map as one PNG image in the grey values of map_saver; its texts tell resolution and origin.
+
+    Raises:
+        InputError: the file cannot be written.
+    """
+    from PIL import Image
+    from PIL.PngImagePlugin import PngInfo
+
+    about = PngInfo()
+    about.add_text("resolution", repr(float(grid.resolution)))
+    about.add_text("origin", " ".join(map(repr, grid.origin.tolist())))
+    packed = io.BytesIO()
+    Image.fromarray(np.ascontiguousarray(_grey(grid.occupancy)[::-1])).save(packed, "PNG", pnginfo=about)
+    with atomic_write_binary(path) as file:
+        file.write(packed.getvalue())
+
+
+def read_png_map(path: str | PathLike[str]) -> RosMap:
+    """Read what `write_png_map` wrote.
+
+    Raises:
+        InputError: it is no PNG image, or its texts do not tell resolution and origin.
+    """
+    path = Path(path)
+    grey, texts = _read_png(path, read_content(path).data)
+    try:
+        resolution = float(texts["resolution"])
+        origin = np.array([float(word) for word in texts["origin"].split()])
+    except (KeyError, ValueError):
+        raise InputError(f"{path}: the image does not tell resolution and origin, as the maps do that `clew convert` "
+                         "writes; give the YAML file of a map that names it as its `image:`") from None
+    if origin.shape != (3,) or not np.isfinite(origin).all() or not 0 < resolution < math.inf:
+        raise InputError(f"{path}: resolution {resolution}, origin {origin.tolist()} place no map")
+    occupancy = np.select([1.0 - grey > OCCUPIED_THRESHOLD, 1.0 - grey < FREE_THRESHOLD], [1.0, 0.0], math.nan)
+    return RosMap(np.ascontiguousarray(occupancy[::-1]), resolution, origin)
 
 
 def _read_yaml(path: Path) -> dict[str, str]:
@@ -104,12 +148,29 @@ def _number(path: Path, fields: dict[str, str], key: str, default: str) -> float
     return value
 
 
-def _read_pgm(path: Path) -> Array:
-    """Grey values in [0, 1] of a binary or plain PGM image, first row on top."""
+def _read_image(path: Path) -> Array:
+    """Grey values in [0, 1] of a PGM or PNG image, first row on top."""
     data = read_content(path).data
+    return _read_png(path, data)[0] if data.startswith(b"\x89PNG") else _read_pgm(path, data)
+
+
+def _read_png(path: Path, data: bytes) -> tuple[Array, Mapping[str, str]]:
+    """Grey values of a PNG image, and the texts that it carries."""
+    from PIL import Image
+
+    try:
+        with Image.open(io.BytesIO(data)) as image:
+            texts = {name: text for name, text in image.info.items() if isinstance(text, str)}
+            return np.asarray(image.convert("L"), dtype=np.float64) / 255.0, texts
+    except (OSError, SyntaxError, ValueError) as error:
+        raise InputError(f"{path}: is a damaged PNG image ({error}); get the file again") from None
+
+
+def _read_pgm(path: Path, data: bytes) -> Array:
+    """Grey values of a binary or plain PGM image."""
     header = re.match(rb"(P[25])(?:\s|#[^\n]*\n)+(\d+)(?:\s|#[^\n]*\n)+(\d+)(?:\s|#[^\n]*\n)+(\d+)\s", data)
     if header is None:
-        raise InputError(f"{path}: is no PGM image; convert it (for example with `pnmtopgm`)")
+        raise InputError(f"{path}: is no PGM and no PNG image; convert it")
     columns, rows, top = (int(text) for text in header.groups()[1:])
     if not 0 < top < 65536 or rows * columns == 0:
         raise InputError(f"{path}: an image of {columns} x {rows} with maximum {top} is no map")
@@ -140,7 +201,7 @@ def read_ros_map(path: str | PathLike[str]) -> RosMap:
     resolution = _number(path, fields, "resolution", "nan")
     if origin.shape != (3,) or not np.isfinite(origin).all() or resolution <= 0:
         raise InputError(f"{path}: needs `origin: [x, y, yaw]` and a positive `resolution:`; correct them")
-    grey = _read_pgm(path.parent / fields["image"])
+    grey = _read_image(path.parent / fields["image"])
     negate = fields.get("negate", "0").lower() in ("1", "true")
     probability = grey if negate else 1.0 - grey
     occupied = probability > _number(path, fields, "occupied_thresh", str(OCCUPIED_THRESHOLD))

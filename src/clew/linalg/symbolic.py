@@ -49,6 +49,11 @@ class SymbolicFactor:
         return int(self._symbolic.nonzeros)
 
     @property
+    def factor_bytes(self) -> int:
+        """Bytes of a factor."""
+        return self._symbolic.factor_bytes
+
+    @property
     def memory_bytes(self) -> int:
         """Bytes of a factor and of the update matrices that live while it is computed."""
         return self._symbolic.bytes(self._threads, False)

@@ -12,6 +12,7 @@ from clew.place.association import (
 from clew.place.closure import Closure, Verdict
 from clew.place.consistency import ConsistencyOptions, agree
 from clew.place.descriptor import Descriptor, DescriptorIndex, PairDistances, RingSpectra
+from clew.place.joining import JoinOptions, join_landmarks, landmark_density
 from clew.place.submap import Submap, build_submap, surfels_of
 from clew.place.verify import VerificationOptions, look_back, verify
 
@@ -23,6 +24,7 @@ __all__ = [
     "Descriptor",
     "DescriptorIndex",
     "Gates",
+    "JoinOptions",
     "PairDistances",
     "RingSpectra",
     "Submap",
@@ -32,7 +34,9 @@ __all__ = [
     "build_submap",
     "chi_square_limit",
     "compatibility",
+    "join_landmarks",
     "joint_compatibility",
+    "landmark_density",
     "look_back",
     "nearest_neighbour",
     "surfels_of",

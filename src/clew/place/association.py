@@ -30,14 +30,27 @@ class Gates:
     """When a sighting is of a known landmark, and when of a new one.
 
     Attributes:
-        known: squared Mahalanobis distance up to which a landmark is compatible (99 % for two dimensions).
-        new: distance to all known ones from which on a sighting is of a new landmark; in between it is unclear.
+        known: probability with which a sighting of a landmark passes its chi-square gate.
+        new: probability with which it is nearer than the distance from which on a sighting is of a new landmark; in
+            between it is unclear.
         margin: how much likelier (difference of ``-2 log`` likelihoods) the best landmark must be than the second.
+        crowding: number of landmarks that by chance stand within the gate, from which on the gate proves nothing.
     """
 
-    known: float = 9.21
-    new: float = 13.8
-    margin: float = 0.0
+    known: float = 0.999
+    new: float = 0.99999
+    margin: float = 6.0
+    crowding: float = 0.3
+
+    @property
+    def limit_known(self) -> float:
+        """Squared Mahalanobis distance up to which a landmark is compatible."""
+        return chi_square_limit(self.known, 2)
+
+    @property
+    def limit_new(self) -> float:
+        """Squared Mahalanobis distance to all known ones from which on a sighting is of a new landmark."""
+        return chi_square_limit(self.new, 2)
 
 
 def compatibility(z: Array, predicted: Array, covariance: Array, noise: Array) -> tuple[Array, Array]:
@@ -59,44 +72,61 @@ def compatibility(z: Array, predicted: Array, covariance: Array, noise: Array) -
     return distance, distance + np.log(determinant)
 
 
-def nearest_neighbour(z: Array, predicted: Array, covariance: Array, noise: Array, gates: Gates) -> Indices:
+def nearest_neighbour(
+    z: Array, predicted: Array, covariance: Array, noise: Array, gates: Gates, density: float = 0.0
+) -> Indices:
     """The likeliest compatible landmark ``(M,)`` of each sighting, `NEW` or `UNCLEAR`.
 
-    Sightings at one moment are of different landmarks: of all ways to pair them off, the likeliest is taken. For the
-    arguments see `compatibility`.
+    Sightings at one moment are of different landmarks: of all ways to pair them off, the likeliest is taken. A pair
+    counts if no other landmark is nearly as likely, and if the gate is so small that hardly a landmark would be in it
+    by chance; where the robot knows its place too badly for that, the sighting is `NEW`, and `join_landmarks` is to
+    find out what it is. For the arguments see `compatibility`; `density` is that of landmarks, a square metre.
     """
     out = np.full(len(z), NEW)
     if len(z) == 0 or len(predicted) == 0:
         return out
     distance, likelihood = compatibility(z, predicted, covariance, noise)
-    allowed = distance <= gates.known
-    nearest = distance.min(axis=1)
-    out[nearest <= gates.new] = UNCLEAR
-    if not allowed.any():
-        return out
-    lowest = likelihood[allowed].min()
-    # Any pair that is allowed is worth more than none: the cost of none is above all others'.
-    none = likelihood[allowed].max() - lowest + gates.known + 1.0
-    cost = np.hstack([np.where(allowed, likelihood - lowest, 1e6), np.full((len(z), len(z)), none)])
-    rows, columns = linear_sum_assignment(cost)
-    paired = columns < len(predicted)
-    rows, columns = rows[paired], columns[paired]
-    if gates.margin > 0.0:
-        rivals = np.where(allowed, likelihood, np.inf)[rows]
-        best = rivals[np.arange(len(rows)), columns]
-        rivals[np.arange(len(rows)), columns] = np.inf
-        clear = rivals.min(axis=1, initial=np.inf) - best >= gates.margin
-        rows, columns = rows[clear], columns[clear]
-    out[rows] = columns
+    allowed = distance <= gates.limit_known
+    pairing = np.full(len(z), NEW)
+    if allowed.any():
+        lowest = likelihood[allowed].min()
+        # Any pair that is allowed is worth more than none: the cost of none is above all others'.
+        none = likelihood[allowed].max() - lowest + gates.limit_known + 1.0
+        cost = np.hstack([np.where(allowed, likelihood - lowest, 1e6), np.full((len(z), len(z)), none)])
+        rows, columns = linear_sum_assignment(cost)
+        paired = columns < len(predicted)
+        pairing[rows[paired]] = columns[paired]
+    rows = np.flatnonzero(pairing >= 0)
+    rivals = np.where(allowed, likelihood, np.inf)[rows]
+    rivals[:, pairing[rows]] = np.inf
+    margin = np.full(len(z), np.inf)
+    margin[rows] = rivals.min(axis=1, initial=np.inf) - likelihood[rows, pairing[rows]]
+    return _judge(pairing, margin, distance, likelihood, gates, density)
+
+
+def _judge(
+    pairing: Indices, margin: Array, distance: Array, likelihood: Array, gates: Gates, density: float
+) -> Indices:
+    """Pairs that are clear; otherwise `UNCLEAR`, or `NEW` where nothing is near or the gate proves nothing."""
+    # log of the determinant is the difference of likelihood and squared distance
+    area = np.pi * gates.limit_known * np.exp(0.5 * (likelihood - distance))
+    telling = density * area <= gates.crowding
+    out = np.where(((distance <= gates.limit_new) & telling).any(axis=1), UNCLEAR, NEW)
+    rows = np.flatnonzero((pairing >= 0) & (margin >= gates.margin))
+    rows = rows[telling[rows, pairing[rows]]]
+    out[rows] = pairing[rows]
     return out
 
 
-def joint_compatibility(z: Array, predicted: Array, joint: Array, noise: Array, gates: Gates) -> Indices:
+def joint_compatibility(
+    z: Array, predicted: Array, joint: Array, noise: Array, gates: Gates, density: float = 0.0
+) -> Indices:
     """The largest set of pairings that are compatible all together, and of those the nearest; ``(M,)`` as above.
 
     Joint compatibility branch and bound: Neira and Tardós 2001, "Data association in stochastic mapping using the
     joint compatibility test", algorithm 2. Pairings that each pass the gate but contradict each other given how
-    their predictions hang together (all shifted by one wrong pose) are told apart.
+    their predictions hang together (all shifted by one wrong pose) are told apart. What is clear is decided as by
+    `nearest_neighbour`.
 
     Args:
         z: ``(M, 2)`` sightings at one moment.
@@ -104,20 +134,16 @@ def joint_compatibility(z: Array, predicted: Array, joint: Array, noise: Array, 
         joint: ``(2 L, 2 L)`` joint covariance of the predictions.
         noise: ``(M, 2, 2)`` covariance of each sighting.
         gates: see `Gates`; the joint gate has the same probability.
+        density: landmarks a square metre.
     """
-    out = np.full(len(z), NEW)
     if len(z) == 0 or len(predicted) == 0:
-        return out
+        return np.full(len(z), NEW)
     blocks = joint.reshape(len(predicted), 2, len(predicted), 2)
     own = np.einsum("iajb->ijab", blocks)[np.arange(len(predicted)), np.arange(len(predicted))]
-    distance, _ = compatibility(z, predicted, own, noise)
-    out[distance.min(axis=1) <= gates.new] = UNCLEAR
+    distance, likelihood = compatibility(z, predicted, own, noise)
     search = _Search(z, predicted, joint, noise, distance, gates)
     search.descend([], 0)
-    for row, landmark in enumerate(search.best):
-        if landmark >= 0:
-            out[row] = landmark
-    return out
+    return _judge(np.array(search.best), search.margins(), distance, likelihood, gates, density)
 
 
 class _Search:
@@ -128,10 +154,9 @@ class _Search:
     ) -> None:
         self.z, self.predicted, self.joint, self.noise = z, predicted, joint, noise
         self.candidates = [
-            [int(j) for j in np.argsort(row, kind="stable") if row[j] <= gates.known] for row in distance
+            [int(j) for j in np.argsort(row, kind="stable") if row[j] <= gates.limit_known] for row in distance
         ]
-        probability = 1.0 - np.exp(-gates.known / 2.0)  # of the gate, in two dimensions
-        self.limits = [0.0, *(chi_square_limit(probability, 2 * k) for k in range(1, len(z) + 1))]
+        self.limits = [0.0, *(chi_square_limit(gates.known, 2 * k) for k in range(1, len(z) + 1))]
         self.best: list[int] = []
         self.best_rank = (-1, 0.0)
 
@@ -154,13 +179,33 @@ class _Search:
         """Whether so many pairs, and all that may still follow, can reach the best."""
         return pairs + len(self.z) - level >= self.best_rank[0]
 
+    def margins(self) -> Array:
+        """How much likelier ``(M,)`` (in ``-2 log``) each best pair is than its best rival, given all other pairs."""
+        out = np.full(len(self.z), np.inf)
+        for row, landmark in enumerate(self.best):
+            rivals = [j for j in self.candidates[row] if j not in self.best] if landmark >= 0 else []
+            for rival in rivals:
+                other = self._likelihood([*self.best[:row], rival, *self.best[row + 1 :]])
+                out[row] = min(out[row], other - self._likelihood(self.best))
+        return out
+
+    def _likelihood(self, chosen: list[int]) -> float:
+        """``-2 log`` likelihood of the pairs chosen, up to a constant."""
+        covariance, difference = self._joint(chosen)
+        _, determinant = np.linalg.slogdet(covariance)
+        return float(difference @ np.linalg.solve(covariance, difference) + determinant)
+
     def _distance(self, chosen: list[int]) -> float:
         """Squared joint Mahalanobis distance of the pairs chosen."""
+        covariance, difference = self._joint(chosen)
+        return float(difference @ np.linalg.solve(covariance, difference))
+
+    def _joint(self, chosen: list[int]) -> tuple[Array, Array]:
+        """Covariance ``(2 k, 2 k)`` and value ``(2 k,)`` of the differences of the pairs chosen."""
         rows = [row for row, landmark in enumerate(chosen) if landmark >= 0]
         landmarks = [chosen[row] for row in rows]
         scalars = (2 * np.array(landmarks)[:, None] + np.arange(2)).reshape(-1)
         covariance = self.joint[np.ix_(scalars, scalars)].copy()
         for place, row in enumerate(rows):
             covariance[2 * place : 2 * place + 2, 2 * place : 2 * place + 2] += self.noise[row]
-        difference = (self.z[rows] - self.predicted[landmarks]).reshape(-1)
-        return float(difference @ np.linalg.solve(covariance, difference))
+        return covariance, (self.z[rows] - self.predicted[landmarks]).reshape(-1)

@@ -84,7 +84,9 @@ def verify(
             all that is not unique is ambiguous.
     """
     thinned = merge_surfels(query, options.voxel)
-    closure = Closure(source, submap.keyframe, similarity, Verdict.NO_MATCH, T_predicted, np.zeros((3, 3)))
+    closure = Closure(
+        source, submap.keyframe, similarity, Verdict.NO_MATCH, T_predicted, np.zeros((3, 3)), T_predicted=T_predicted
+    )
     best = correlate(
         submap.pyramid, thinned.points, centre, half_window, minimum_score=options.likelihood
     )

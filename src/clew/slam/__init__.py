@@ -3,9 +3,11 @@
 from clew.slam.config import ClosingOptions, PruningOptions, RefinementOptions, SlamConfig, TrackingOptions
 from clew.slam.pruning import Pruned
 from clew.slam.slam import Slam, Trajectory
+from clew.slam.viewer import NullViewer, Viewer
 
 __all__ = [
     "ClosingOptions",
+    "NullViewer",
     "Pruned",
     "PruningOptions",
     "RefinementOptions",
@@ -13,4 +15,5 @@ __all__ = [
     "SlamConfig",
     "TrackingOptions",
     "Trajectory",
+    "Viewer",
 ]

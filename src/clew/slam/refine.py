@@ -79,9 +79,11 @@ def refine(
         keyframes: all keyframes that have not been dropped.
         graph: odometry and closures; keys are the numbers of the keyframes, values are where to begin. Left as it is.
         config: `SlamConfig.refinement` and `threads` are used.
-        progress: called with the rounds done and the most there can be.
+        progress: called with the rounds done, beginning with 0, and the most there can be.
     """
     options = config.refinement
+    if progress is not None:
+        progress(0, options.rounds)
     numbers = keyframes.alive
     clouds = [index_cloud(cloud) for cloud in keyframes.clouds(numbers)]
     graph = graph.copy()

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +23,7 @@ from clew.slam.pruning import Pruned, Pruner
 from clew.slam.refine import refine
 from clew.slam.scans import ScanStore
 from clew.slam.tracking import Tracker
+from clew.slam.viewer import GuardedViewer, NullViewer, Viewer
 
 Array = NDArray[np.float64]
 
@@ -46,7 +47,7 @@ class Trajectory:
 class Slam:
     """Takes odometry and scans as they come, and tells pose, trajectory, graph and map at any moment.
 
-    The world's frame is where the robot stood at the first scan.
+    The world's frame is where the robot stood at the first scan. ::
 
         slam = clew.Slam()
         for measurement in log.measurements():
@@ -57,9 +58,12 @@ class Slam:
     Args:
         config: all options; the defaults serve every log.
         use_odometry: whether to expect odometry; without it motion is predicted from the scans alone.
+        viewer: shows the run while it works (`clew.slam.Viewer`); one that fails is dropped and the run goes on.
     """
 
-    def __init__(self, config: SlamConfig | None = None, *, use_odometry: bool = True) -> None:
+    def __init__(
+        self, config: SlamConfig | None = None, *, use_odometry: bool = True, viewer: Viewer | None = None
+    ) -> None:
         self.config = config or SlamConfig()
         self._use_odometry = use_odometry
         self._odometry = OdometryBuffer()
@@ -70,6 +74,7 @@ class Slam:
         self._pruner = Pruner(self._keyframes, self._pose_graph, self.config)
         self._scans = ScanStore(self.config.pruning.scans)
         self._refined: FactorGraph | None = None
+        self._viewer: Viewer = NullViewer() if viewer is None else GuardedViewer(viewer)
 
     # --- measurements in --------------------------------------------------------------------------------------------
 
@@ -120,6 +125,7 @@ class Slam:
             self._pose_graph.add_keyframe(self._keyframes[tracked.keyframe])
             self._closer.attempt(self._pruner.crowded(tracked.keyframe))
             self._prune()
+        self._viewer.update(self)
         return self.pose
 
     def _prune(self) -> None:
@@ -133,6 +139,7 @@ class Slam:
         """Move all keyframes to where odometry and closures agree best, the latest closures included."""
         self._closer.settle()
         self._pose_graph.optimise(to_the_end=True)
+        self._viewer.moved(self)
 
     def refine(self, progress: Callable[[int, int], None] | None = None) -> None:
         """Optimise, and refine all keyframes jointly against all scans that they overlap with (`slam.refine`)."""
@@ -141,6 +148,7 @@ class Slam:
         self.optimise()
         self._refined = refine(self._keyframes, self._pose_graph.graph, self.config, progress)
         self._pose_graph.set_poses(np.asarray(self._refined.values(SE2).array))
+        self._viewer.moved(self)
 
     # --- answers out ------------------------------------------------------------------------------------------------
 
@@ -199,6 +207,20 @@ class Slam:
         return self._pruner.pruned
 
     @property
+    def last_scan(self) -> LaserScan | None:
+        """The scan that was taken last, or None before any."""
+        return self._scans.last
+
+    @property
+    def keyframe_points(self) -> list[Array]:
+        """Returns ``(n, 2)`` of each of `every_keyframe` in the robot's frame, metres, in the order of the beams.
+
+        Those of keyframes that have been pruned are gone: ``(0, 2)``.
+        """
+        store = self._keyframes
+        return [store[k].points.points if k in store else np.zeros((0, 2)) for k in range(len(store))]
+
+    @property
     def graph(self) -> FactorGraph:
         """The graph of keyframes: odometry and loop edges at the present poses."""
         return self._pose_graph.graph if self._refined is None else self._refined
@@ -222,6 +244,16 @@ class Slam:
     def rejected_closures(self) -> list[Closure]:
         """Candidates that were turned down, each with the reason."""
         return self._closer.rejected
+
+    def among_kept(self, closures: Iterable[Closure]) -> list[Closure]:
+        """Those of some closures whose keyframes are both still there, by rows of `keyframes`."""
+        kept = self._keyframes.alive
+        row = dict(zip(kept.tolist(), range(len(kept)), strict=True))
+        return [
+            replace(c, source=row[c.source], target=row[c.target])
+            for c in closures
+            if c.source in row and c.target in row
+        ]
 
     def map(self, resolution: float | None = None, progress: Callable[[int, int], None] | None = None) -> OccupancyGrid:
         """Occupancy grid of the scans at the present trajectory, without what did not stay (`moving_returns`).

@@ -6,6 +6,7 @@ import time
 import weakref
 from types import MappingProxyType
 
+from clew import _native
 from clew.errors import InputError
 from clew.graph import FactorGraph
 from clew.noise import Kernel
@@ -16,14 +17,18 @@ from clew.solve.loop import Callback, Stopping, iterate
 from clew.solve.posterior import Posterior
 from clew.solve.problem import Problem, build_problem
 from clew.solve.search import Dogleg, GaussNewton, LevenbergMarquardt, Search
+from clew.solve.second_try import doubtful, second_try
 from clew.solve.solution import Solution
 
+_DEFAULT = "levenberg-marquardt"
 METHODS: dict[str, type[Search]] = {
-    "levenberg-marquardt": LevenbergMarquardt,
+    _DEFAULT: LevenbergMarquardt,
     "gauss-newton": GaussNewton,
     "dogleg": Dogleg,
 }
 GUESSES = ("auto", "file", "tree", "rotation", "sequential")
+
+_LARGE = 5000  # scalars above which memory is worth a tenth of a millisecond
 
 # What was compiled last for a graph, as long as its structure and the options of the analysis stand.
 _compiled: weakref.WeakKeyDictionary[FactorGraph, tuple[tuple[int, str, int], Problem, Gauge]]
@@ -45,7 +50,7 @@ def compile_graph(graph: FactorGraph, ordering: str = "auto", threads: int = 1) 
 def optimize(
     graph: FactorGraph,
     *,
-    method: str = "levenberg-marquardt",
+    method: str = _DEFAULT,
     init: str = "auto",
     robust: Kernel | None = None,
     max_iterations: int = 100,
@@ -65,7 +70,8 @@ def optimize(
         init: initial guess. "file" takes the graph's current values, "tree" composes measurements along a
             spanning tree, "rotation" solves for the rotations first and then for the translations, "sequential"
             lets the graph grow from its first pose and corrects the poses batch by batch (for landmarks that are
-            seen again late), "auto" takes the one of them with the lowest cost.
+            seen again late), "auto" takes the one of them with the lowest cost; where the fit that the default
+            method ends with is poor, it also solves from the sequential guess, by the dogleg.
         robust: kernel of all factors without one of their own, priors excepted.
         max_iterations: limit on the steps tried.
         cost_tolerance: relative decrease of the cost that is not worth another iteration.
@@ -93,13 +99,18 @@ def optimize(
     problem, gauge = compile_graph(graph, ordering, threads)
     if problem.pattern.dim:
         _ = problem.symbolic
+    _release_memory(problem)
     compiled = time.perf_counter()
     current = [table.values for table in graph.variables()]
     values, used = initial_guess(problem, current, init, robust)
+    _release_memory(problem)
     initialised = time.perf_counter()
     stopping = Stopping(max_iterations, cost_tolerance, step_tolerance, gradient_tolerance)
     search = METHODS[method]()
     trace = iterate(problem, values, robust, search, stopping, callback)
+    if init == "auto" and method == _DEFAULT and doubtful(problem, trace):
+        first = trace, used, search
+        trace, used, search = second_try(problem, current, first, robust, stopping, callback)
     posterior = Posterior(problem, trace.values, trace.system)
     status, diagnosis = diagnose(posterior, gauge, trace.status, search)
     seconds = {
@@ -123,3 +134,9 @@ def optimize(
     if update:
         solution.apply(graph)
     return solution
+
+
+def _release_memory(problem: Problem) -> None:
+    """Do not carry what a stage has freed through the next one, whose arrays have other sizes."""
+    if problem.pattern.dim >= _LARGE:
+        _native.linalg.release_memory()

@@ -8,6 +8,8 @@ the plane one column says it all. The solutions are projected to the nearest rot
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -19,6 +21,10 @@ from clew.solve.problem import Problem
 from clew.solve.relations import Relations
 
 Array = NDArray[np.float64]
+#: Of relations in a row: ``A (m, s, s)``, ``B (m, s, s)``, ``c (m, s, k)``, ``Omega (m, s, s)``; see `_Linear.solve`.
+Terms = tuple[Array, Array, Array, Array]
+
+_PIECE = 4096  # relations handled together
 
 
 def rotation_guess(problem: Problem, relations: Relations) -> Array | None:
@@ -45,8 +51,7 @@ def rotation_guess(problem: Problem, relations: Relations) -> Array | None:
     rotations = _rotations(relations, system)
     if rotations is None:
         return None
-    turned = so2.matrix(rotations) if space == 2 else so3.matrix(rotations)
-    positions = _positions(relations, system, turned)
+    positions = _positions(relations, system, rotations)
     return None if positions is None else np.concatenate([positions, rotations], axis=1)
 
 
@@ -67,83 +72,92 @@ class _Linear:
         self.gradient = np.append(pattern.starts[:-1], -1).astype(np.int32)[pairs]
         self.plan = scatter_plan(pattern, pairs)
 
-    def solve(
-        self, by_i: Array, by_j: Array, constant: Array, information: Array, known: Array
-    ) -> Array | None:
-        """Minimise ``sum |by_i x_i + by_j x_j + constant|^2`` in the norm of `information`.
+    def solve(self, terms: Callable[[slice], Terms], known: Array) -> Array | None:
+        """Minimise ``sum |A_m x_i + B_m x_j + c_m|^2`` in the norm of ``Omega_m``, for k problems that differ in
+        ``c`` and in `known` only.
 
         Args:
-            by_i: ``(M, space, space)``.
-            by_j: ``(M, space, space)``.
-            constant: ``(M, space, k)`` for k problems that differ in this and in `known` only.
-            information: ``(M, space, space)``.
+            terms: of a slice of the relations; they are taken piece by piece, to need little memory.
             known: ``(N, space, k)`` values of the known poses, zero elsewhere.
 
         Returns:
             ``(N, space, k)``, or None if the measurements leave a pose free.
         """
-        residual = by_i @ known[self.i] + by_j @ known[self.j] + constant
+        problems = known.shape[2]
         hessian = np.zeros(int(self.pattern.offsets[-1]))
-        jacobians = [np.ascontiguousarray(by_i), np.ascontiguousarray(by_j)]
-        right = np.empty((self.pattern.dim, residual.shape[2]))
-        for k in range(residual.shape[2]):
-            gradient = np.zeros(self.pattern.dim)
-            hessian.fill(0.0)
-            _native.solve.accumulate(
-                np.ascontiguousarray(residual[:, :, k]),
-                jacobians,
-                information,
-                self.gradient,
-                self.plan,
-                0,
-                1.0,
-                hessian,
-                gradient,
-            )
-            right[:, k] = -gradient
+        gradient = np.zeros((problems, self.pattern.dim))
+        for piece in _pieces(len(self.i)):
+            by_i, by_j, constant, information = terms(piece)
+            residual = by_i @ known[self.i[piece]] + by_j @ known[self.j[piece]] + constant
+            jacobians = [np.ascontiguousarray(by_i), np.ascontiguousarray(by_j)]
+            for k in range(problems):
+                _native.solve.accumulate(
+                    np.ascontiguousarray(residual[:, :, k]),
+                    jacobians,
+                    information,
+                    self.gradient[piece],
+                    self.plan[piece],
+                    0,
+                    1.0,
+                    hessian,
+                    gradient[k],
+                )
+        hessian /= problems  # each of them has added it
         factor = self.symbolic.factorize(hessian)
         if factor.status is not FactorStatus.OK:
             return None
+        del hessian
         solution: Array = known.copy()
-        solution[self.free] = factor.solve(right).reshape(len(self.free), -1, residual.shape[2])
+        solution[self.free] = factor.solve(-gradient.T).reshape(len(self.free), -1, problems)
         return solution
+
+
+def _pieces(count: int) -> Iterator[slice]:
+    """Slices that cover ``count`` rows."""
+    return (slice(start, start + _PIECE) for start in range(0, count, _PIECE))
 
 
 def _rotations(relations: Relations, system: _Linear) -> Array | None:
     """Rotation part of the storage of each pose, ``(N, 1)`` or ``(N, 4)``."""
     space = relations.kind.space
     matrix = so2.matrix if space == 2 else so3.matrix
-    measured = np.swapaxes(matrix(relations.measurement[:, space:]), 1, 2)
     weight = np.trace(relations.information[:, space:, space:], axis1=1, axis2=2)
     weight = np.maximum(weight, 1e-9 * weight.max(initial=1e-9))
-    eye = np.broadcast_to(np.eye(space), measured.shape)
     vectors = 1 if space == 2 else 3
+
+    def terms(piece: slice) -> Terms:
+        measured = np.swapaxes(matrix(relations.measurement[piece, space:]), 1, 2)
+        eye = np.broadcast_to(np.eye(space), measured.shape)
+        return -measured, eye, np.zeros((len(eye), space, vectors)), weight[piece, None, None] * eye
+
     known = np.zeros((len(relations.start), space, vectors))
     known[system.known] = np.swapaxes(matrix(relations.start[system.known, space:]), 1, 2)[:, :, :vectors]
-    solution = system.solve(
-        -measured, eye, np.zeros((len(eye), space, vectors)), weight[:, None, None] * eye, known
-    )
+    solution = system.solve(terms, known)
     if solution is None or not np.isfinite(solution).all():
         return None
     if space == 2:
         angles: Array = np.arctan2(-solution[:, 1], solution[:, 0])
         return angles
-    left, _, right = np.linalg.svd(solution)
-    left[:, :, 2] *= np.sign(np.linalg.det(left @ right))[:, None]
-    quaternions: Array = so3.from_matrix(np.swapaxes(left @ right, 1, 2))
+    quaternions = np.empty((len(solution), 4))
+    for piece in _pieces(len(solution)):
+        left, _, right = np.linalg.svd(solution[piece])
+        left[:, :, 2] *= np.sign(np.linalg.det(left @ right))[:, None]
+        quaternions[piece] = so3.from_matrix(np.swapaxes(left @ right, 1, 2))
     return quaternions
 
 
-def _positions(relations: Relations, system: _Linear, turned: Array) -> Array | None:
-    """Positions ``(N, space)`` given the rotation matrices: ``e = R_z^T (R_i^T (t_j - t_i) - t_z)`` is
-    linear."""
+def _positions(relations: Relations, system: _Linear, rotations: Array) -> Array | None:
+    """Positions ``(N, space)`` given the rotations: ``e = R_z^T (R_i^T (t_j - t_i) - t_z)`` is linear."""
     space = relations.kind.space
     matrix = so2.matrix if space == 2 else so3.matrix
-    measured = np.swapaxes(matrix(relations.measurement[:, space:]), 1, 2)
-    turn = measured @ np.swapaxes(turned[relations.i], 1, 2)
-    offset = measured @ relations.measurement[:, :space, None]
-    information = np.ascontiguousarray(relations.information[:, :space, :space])
+
+    def terms(piece: slice) -> Terms:
+        measured = np.swapaxes(matrix(relations.measurement[piece, space:]), 1, 2)
+        turn = measured @ np.swapaxes(matrix(rotations[relations.i[piece]]), 1, 2)
+        offset = measured @ relations.measurement[piece, :space, None]
+        return -turn, turn, -offset, np.ascontiguousarray(relations.information[piece, :space, :space])
+
     known = np.zeros((len(relations.start), space, 1))
     known[system.known, :, 0] = relations.start[system.known, :space]
-    solution = system.solve(-turn, turn, -offset, information, known)
+    solution = system.solve(terms, known)
     return None if solution is None else solution[:, :, 0]

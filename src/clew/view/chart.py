@@ -3,21 +3,25 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Literal, TypeAlias
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.layout_engine import ConstrainedLayoutEngine
 from matplotlib.lines import Line2D
 
 from clew.view.style import DPI, Theme, font
+
+Place: TypeAlias = Literal["best", "upper right", "upper left", "lower left", "lower right"]
 
 
 def chart(
     width: int, height: int, rows: int, columns: int, theme: Theme, *, share_x: bool = False
 ) -> tuple[Figure, list[Axes]]:
     """A figure of `width` x `height` pixels with a grid of axes, row by row."""
-    figure = Figure(figsize=(width / DPI, height / DPI), dpi=DPI, facecolor=theme.paper, layout="constrained")
-    figure.get_layout_engine().set(w_pad=0.12, h_pad=0.1, wspace=0.03, hspace=0.04)  # type: ignore[union-attr]
+    layout = ConstrainedLayoutEngine(w_pad=0.12, h_pad=0.1, wspace=0.03, hspace=0.04)
+    figure = Figure(figsize=(width / DPI, height / DPI), dpi=DPI, facecolor=theme.paper, layout=layout)
     grid = np.atleast_1d(figure.subplots(rows, columns, sharex=share_x)).reshape(-1).tolist()
     for axes in grid:
         axes.set_facecolor(theme.paper)
@@ -46,7 +50,15 @@ def describe(axes: Axes, x: str, y: str, theme: Theme, title: str = "") -> None:
         label.set_fontproperties(font(8))
 
 
-def key_to(axes: Axes, handles: Sequence[Line2D], theme: Theme, place: str = "best") -> None:
+def key_above(figure: Figure, handles: Sequence[Line2D], theme: Theme) -> None:
+    """What lines and markers mean, above all axes, where they hide nothing."""
+    box = figure.legend(handles=list(handles), loc="outside upper left", ncols=len(handles), prop=font(8.5),
+                        frameon=False, borderpad=0.2, columnspacing=1.6)
+    for label in box.get_texts():
+        label.set_color(theme.ink)
+
+
+def key_to(axes: Axes, handles: Sequence[Line2D], theme: Theme, place: Place = "best") -> None:
     """What lines and markers mean, within the axes."""
     box = axes.legend(handles=list(handles), loc=place, prop=font(8.5), facecolor=theme.paper,
                       edgecolor=theme.faint, framealpha=0.9)

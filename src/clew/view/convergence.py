@@ -8,6 +8,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import MaxNLocator
+from numpy.typing import NDArray
 
 from clew.errors import InputError
 from clew.view.chart import chart, describe, heading, key_to
@@ -38,18 +39,23 @@ def cost_figure(
         raise InputError("a picture of the cost needs at least one history")
     figure, (axes,) = chart(1400, 800, 1, 1, theme)
     for number, costs in enumerate(arrays.values()):
-        axes.plot(np.arange(len(costs)), costs, color=theme.robot(number), linewidth=1.6,
-                  marker=_MARKERS[number % len(_MARKERS)], markersize=4.5)
+        axes.plot(np.arange(len(costs)), costs, color=theme.robot(number),
+                  linewidth=1.6 + 1.6 * (len(arrays) - 1 - number),  # those below stay visible where all are one
+                  marker=_MARKERS[number % len(_MARKERS)], markersize=4.5 + 1.6 * (len(arrays) - 1 - number))
     highest, lowest = (pick(float(pick(costs)) for costs in arrays.values()) for pick in (max, min))
     if lowest > 0.0 and highest > 20.0 * lowest:
         axes.set_yscale("log")
     axes.xaxis.set_major_locator(MaxNLocator(integer=True))
     describe(axes, "accepted steps", "cost  Σ ρ(eᵀ Ω e), no unit", theme)
     handles = [
-        Line2D([], [], color=theme.robot(number), linewidth=1.6, marker=_MARKERS[number % len(_MARKERS)], markersize=4.5,
-               label=f"{name}{': ' if name else ''}{costs[0]:.6g} to {costs[-1]:.6g} in {len(costs) - 1} steps")
+        Line2D([], [], color=theme.robot(number), linewidth=1.6, marker=_MARKERS[number % len(_MARKERS)],
+               markersize=4.5, label=_label(name, costs))
         for number, (name, costs) in enumerate(arrays.items())
     ]  # fmt: skip
     key_to(axes, handles, theme, "upper right")
     heading(figure, title, theme)
     return figure
+
+
+def _label(name: str, costs: NDArray[np.float64]) -> str:
+    return f"{name}{': ' if name else ''}{costs[0]:.6g} to {costs[-1]:.6g} in {len(costs) - 1} steps"

@@ -16,7 +16,7 @@ _CORNERS = 40
 _MOST = 80  # more would hide what they lie upon
 _CANDIDATES = 1200
 _TOO_SMALL, _READABLE = 4.0, 14.0  # longer half axis of the largest ellipse, pixels
-_APART = 0.9  # of the sum of the longer half axes
+_APART = 0.5  # least distance of two centres, of the sum of the longer half axes
 
 
 def squared_radius(confidence: float) -> float:
@@ -32,15 +32,12 @@ def squared_radius(confidence: float) -> float:
     return float(-2.0 * np.log1p(-confidence))
 
 
-def ellipse_outlines(
-    centres: Array, covariances: Array, headings: Array | None = None, confidence: float = 0.95
-) -> Array:
+def ellipse_outlines(centres: Array, covariances: Array, confidence: float = 0.95) -> Array:
     """Outlines ``(K, 40, 2)`` of the ellipses that hold each position with a probability.
 
     Args:
-        centres: ``(K, 2)`` means, world frame.
-        covariances: ``(K, 2, 2)`` covariances in the world frame or, with `headings`, in the poses' frames.
-        headings: ``(K,)`` directions of the poses, radians.
+        centres: ``(K, 2)`` means.
+        covariances: ``(K, 2, 2)`` in the same frame.
         confidence: the probability.
 
     Raises:
@@ -50,12 +47,7 @@ def ellipse_outlines(
     half_axes = vectors * np.sqrt(squared_radius(confidence) * np.maximum(values, 0.0))[:, None, :]
     angle = np.linspace(0.0, 2.0 * np.pi, _CORNERS, endpoint=False)
     circle = np.stack([np.cos(angle), np.sin(angle)])
-    outlines = np.einsum("kij,jn->kni", half_axes, circle)
-    if headings is not None:
-        cos, sin = np.cos(headings), np.sin(headings)
-        rotation = np.moveaxis(np.array([[cos, -sin], [sin, cos]]), -1, 0)
-        outlines = np.einsum("kij,knj->kni", rotation, outlines)
-    return np.asarray(centres[:, None, :] + outlines, dtype=np.float64)
+    return np.asarray(centres[:, None, :] + np.einsum("kij,jn->kni", half_axes, circle), dtype=np.float64)
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,33 +58,35 @@ class Ellipses:
         outlines: ``(K, 40, 2)``.
         magnification: how many times they are drawn larger than they are.
         confidence: probability that a position lies within its ellipse, as it is.
+        count: of the positions from which they were chosen.
     """
 
     outlines: Array
     magnification: float
     confidence: float
+    count: int
 
     @property
     def label(self) -> str:
         """What a legend says of them."""
         larger = "" if self.magnification == 1.0 else f", drawn {self.magnification:g} times larger"
-        return f"{100.0 * self.confidence:g} % ellipses of position{larger}"
+        some = "" if len(self.outlines) == self.count else f" of {len(self.outlines):,} among {self.count:,}"
+        return f"{100.0 * self.confidence:g} % ellipses{some}{larger}"
 
 
 def readable_ellipses(
-    centres: Array, covariances: Array, pixels_per_metre: float, confidence: float = 0.95, thin: bool = True
+    centres: Array, covariances: Array, pixels_per_metre: float, confidence: float = 0.95
 ) -> Ellipses:
     """Ellipses that are large enough to see, and few enough to see what lies below.
 
-    All are magnified by one round factor if the largest would be a dot, and `thin` leaves out those that would
-    overlap one that is drawn.
+    All are magnified by one round factor if the largest would be a dot, and those that would hide one that is
+    drawn are left out.
 
     Args:
         centres: ``(N, 2)`` means, world frame; along a path.
         covariances: ``(N, 2, 2)`` in the world frame.
         pixels_per_metre: scale of the picture.
         confidence: probability that a position lies within its ellipse.
-        thin: whether to leave some out.
 
     Raises:
         InputError: a confidence that is no probability.
@@ -103,11 +97,9 @@ def readable_ellipses(
     if 0.0 < largest < _TOO_SMALL:
         power = 10.0 ** np.floor(np.log10(_READABLE / largest))
         magnification = float(max(n * power for n in (1.0, 2.0, 5.0) if n * power * largest <= _READABLE))
-    chosen = np.arange(len(centres))
-    if thin:
-        chosen = _apart(centres, longest * magnification)
+    chosen = _apart(centres, longest * magnification)
     outlines = ellipse_outlines(centres[chosen], covariances[chosen] * magnification**2, confidence=confidence)
-    return Ellipses(outlines, magnification, confidence)
+    return Ellipses(outlines, magnification, confidence, len(centres))
 
 
 def _apart(centres: Array, radii: Array) -> NDArray[np.int64]:

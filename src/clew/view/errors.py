@@ -46,8 +46,8 @@ def error_figure(
     count, dim = errors.shape if errors.ndim == 2 else (0, 0)
     if not dim or timestamps.shape != (count,) or covariances.shape != (count, dim, dim) or len(names) != dim:
         raise InputError(
-            f"errors over time need times (N,), errors (N, d), covariances (N, d, d) and d names; got {timestamps.shape}, "
-            f"{errors.shape}, {covariances.shape} and {len(names)} names"
+            f"errors over time need times (N,), errors (N, d), covariances (N, d, d) and d names; got "
+            f"{timestamps.shape}, {errors.shape}, {covariances.shape} and {len(names)} names"
         )
     if not all(np.isfinite(values).all() for values in (timestamps, errors, covariances)):
         raise InputError("errors over time need finite numbers")
@@ -60,7 +60,7 @@ def error_figure(
         axes.plot(timestamps[outside[:, k]], errors[outside[:, k], k], linestyle="none", marker="o", markersize=2.5,
                   color=theme.closure)
         describe(axes, "time, s" if k == dim - 1 else "", name, theme,
-                 f"{100.0 * outside[:, k].mean() if count else 0.0:.2g} % outside")
+                 f"{100.0 * outside[:, k].mean() if count else 0.0:.1f} % outside")
     if dim:
         key_to(rows[0], [
             Line2D([], [], color=theme.trajectory, linewidth=1.2, label="error"),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -27,7 +28,7 @@ _GUTTER = 40  # between two graphs, pixels
 _DOTS = (1.5, 2.0)  # of what was rejected
 
 # What is many lies below what is telling; opacity of each role.
-_ROLES = {"observation": 0.35, "odometry": 1.0, "loop": 0.6, "prior": 1.0, REJECTED_ROLE: 0.8}
+_ROLES = {"observation": 0.35, "marginal": 0.35, "odometry": 1.0, "loop": 0.6, "prior": 1.0, REJECTED_ROLE: 0.8}
 # Where the axes x, y and z point in the picture of a graph in space.
 _ISOMETRIC = np.array([[np.sqrt(0.75), -0.5], [np.sqrt(0.75), 0.5], [0.0, 1.0]])
 
@@ -130,14 +131,18 @@ def _flat(scene: Scene) -> Scene:
     """The scene as the picture has it, in two dimensions."""
     if scene.dim == 2:
         return scene
-    return Scene(
-        scene.poses @ _ISOMETRIC,
-        {role: ends @ _ISOMETRIC for role, ends in scene.edges.items()},
-        scene.landmarks @ _ISOMETRIC,
-        *(None if c is None else _ISOMETRIC.T @ c @ _ISOMETRIC
-          for c in (scene.pose_covariances, scene.point_covariances)),
-        scene.robots, scene.robot_of_pose, scene.robot_of_edge,
-    )  # fmt: skip
+    of_poses, of_points = (
+        None if covariances is None else _ISOMETRIC.T @ covariances @ _ISOMETRIC
+        for covariances in (scene.pose_covariances, scene.point_covariances)
+    )
+    return replace(
+        scene,
+        poses=scene.poses @ _ISOMETRIC,
+        edges={role: ends @ _ISOMETRIC for role, ends in scene.edges.items()},
+        points=scene.landmarks @ _ISOMETRIC,
+        pose_covariances=of_poses,
+        point_covariances=of_points,
+    )
 
 
 def _bare(scene: Scene) -> Array:
@@ -161,10 +166,11 @@ def _scale(low: Array, high: Array, beside: int) -> float:
 
 
 def _ellipses(scene: Scene, scale: float, confidence: float) -> Iterator[Ellipses]:
-    if scene.pose_covariances is not None and len(scene.poses):
-        yield readable_ellipses(scene.poses, scene.pose_covariances, scale, confidence)
+    """Those of the landmarks, or of the poses where there are no landmarks with covariances: both would hide all."""
     if scene.point_covariances is not None and len(scene.landmarks):
-        yield readable_ellipses(scene.landmarks, scene.point_covariances, scale, confidence, thin=False)
+        yield readable_ellipses(scene.landmarks, scene.point_covariances, scale, confidence)
+    elif scene.pose_covariances is not None and len(scene.poses):
+        yield readable_ellipses(scene.poses, scene.pose_covariances, scale, confidence)
 
 
 def _colour(role: str, theme: Theme) -> str:

@@ -57,7 +57,7 @@ def save_landmarks_png(
         raise InputError("a picture of landmarks needs finite positions; some are not")
     bare = np.concatenate([landmarks, *(xy for _, xy in paths)])
     rough = float(_LONGEST / max(np.ptp(bare, axis=0).max(), 1e-3)) if len(bare) else 1.0
-    ellipses = readable_ellipses(landmarks, covariances, rough, confidence, thin=False)
+    ellipses = readable_ellipses(landmarks, covariances, rough, confidence)
     drawn = np.concatenate([bare, ellipses.outlines.reshape(-1, 2)])
     low, high = (drawn.min(axis=0), drawn.max(axis=0)) if len(drawn) else (np.zeros(2), np.ones(2))
     span = np.maximum(high - low, 1e-3)

@@ -11,8 +11,9 @@ from matplotlib.collections import LineCollection
 from matplotlib.lines import Line2D
 from numpy.typing import NDArray
 
+from clew.geometry import so2
 from clew.mapping import OccupancyGrid
-from clew.view.ellipses import ellipse_collection, ellipse_outlines
+from clew.view.ellipses import Ellipses, ellipse_collection, readable_ellipses
 from clew.view.raster import fitted
 from clew.view.style import LIGHT, LINE_HEIGHT, MARGIN, Sheet, Theme, counted
 
@@ -63,7 +64,7 @@ def save_overview_png(
         closures_accepted: ``(C, 2)`` keyframes tied together by loop closures, as indices into `keyframes`.
         closures_rejected: ``(R, 2)`` likewise, of closures that were taken out again.
         covariances: ``(K, 2, 2)`` covariance of the keyframes' positions, each in the frame of its pose
-            (docs/conventions.md); drawn as ellipses that hold 95 %.
+            (docs/conventions.md); drawn as ellipses that hold 95 %, some of them where there are many.
         title: heading, one line.
         subtitle: the run's numbers, one line below the heading.
         theme: `LIGHT` or `DARK`.
@@ -77,7 +78,12 @@ def save_overview_png(
     left = (sheet_width - width) // 2
     x_min, y_min = grid.origin - (left * metres_per_pixel, 0.0)
     box = (x_min, x_min + sheet_width * metres_per_pixel, y_min, y_min + height * metres_per_pixel)
-    handles = _legend(box, odometry_xy, closures_accepted, closures_rejected, covariances, theme)
+    ellipses = None
+    if covariances is not None:
+        turn = so2.matrix(keyframes[:, 2:])
+        in_world = turn @ covariances @ np.swapaxes(turn, 1, 2)
+        ellipses = readable_ellipses(keyframes[:, :2], in_world, 1.0 / metres_per_pixel)
+    handles = _legend(box, odometry_xy, closures_accepted, closures_rejected, ellipses, theme)
     columns = max(1, (sheet_width - 2 * MARGIN - _BAR) // _COLUMN)
     foot = 2 * MARGIN + LINE_HEIGHT * -(-len(handles) // columns)
 
@@ -88,9 +94,8 @@ def save_overview_png(
     axes.set(xlim=box[:2], ylim=box[2:])
     _draw_paths(axes, odometry_xy, trajectory_xy, theme)
     _draw_closures(axes, keyframes, closures_accepted, closures_rejected, theme)
-    if covariances is not None:
-        outlines = ellipse_outlines(keyframes[:, :2], covariances, keyframes[:, 2])
-        axes.add_collection(ellipse_collection(outlines, theme.uncertainty), autolim=False)
+    if ellipses is not None:
+        axes.add_collection(ellipse_collection(ellipses.outlines, theme.uncertainty), autolim=False)
     _draw_ends(axes, trajectory_xy, theme)
 
     top = sheet.height
@@ -129,7 +134,7 @@ def _draw_ends(axes: Axes, trajectory_xy: Array, theme: Theme) -> None:
 
 def _legend(
     box: tuple[float, float, float, float], odometry_xy: Array, accepted: Pairs, rejected: Pairs | None,
-    covariances: Array | None, theme: Theme,
+    ellipses: Ellipses | None, theme: Theme,
 ) -> list[Line2D]:
     x, y = odometry_xy.T
     x_min, x_max, y_min, y_max = box
@@ -147,8 +152,8 @@ def _legend(
     if rejected is not None and len(rejected):
         handles.append(Line2D([], [], color=theme.rejected, linewidth=1.0, alpha=0.7, dashes=_DOTS,
                               label=counted(len(rejected), "rejected closure")))
-    if covariances is not None:
-        handles.append(Line2D([], [], color=theme.uncertainty, linewidth=1.0, label="95 % ellipses of position"))
+    if ellipses is not None:
+        handles.append(Line2D([], [], color=theme.uncertainty, linewidth=1.0, label=ellipses.label))
     handles.append(Line2D([], [], linestyle="none", label="start", **start))
     handles.append(Line2D([], [], linestyle="none", label="end", **end))
     return handles

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from clew.errors import InputError
+from clew.evaluate import FactorResiduals
 from clew.geometry import SE2, SE3, Point2, Point3, so2, so3
-from clew.graph import FactorGraph
+from clew.graph import FactorGraph, Role
 from clew.solve import Solution
 
 Array = NDArray[np.float64]
@@ -18,6 +19,7 @@ Index = NDArray[np.int64]
 
 #: Role of the edges that a solver did not believe, beside those of `clew.graph.Role`.
 REJECTED_ROLE = "rejected"
+_DOUBTED = 0.1  # robust weight below which an edge counts as rejected
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,7 +63,9 @@ class Scene:
         for what, given, count in (("poses", self.pose_covariances, len(poses)),
                                    ("landmarks", self.point_covariances, len(points))):
             if given is not None and given.shape != (count, dim, dim):
-                raise InputError(f"ellipses of {count} {what} need covariances ({count}, {dim}, {dim}), not {given.shape}")
+                raise InputError(
+                    f"ellipses of {count} {what} need covariances ({count}, {dim}, {dim}), not {given.shape}"
+                )
         for what, numbers, count in (("poses", self.robot_of_pose, len(poses)),
                                      ("odometry edges", self.robot_of_edge, len(edges.get("odometry", ())))):
             if numbers is not None and np.shape(numbers) != (count,):
@@ -89,6 +93,7 @@ def graph_scene(
     *,
     robots: Mapping[str, ArrayLike] | None = None,
     rejected: ArrayLike | None = None,
+    residuals: FactorResiduals | None = None,
 ) -> Scene:
     """The scene of a graph at its current values.
 
@@ -96,6 +101,7 @@ def graph_scene(
         graph: poses of one kind, landmarks, and the factors between them.
         robots: keys of the poses of each robot, by its name.
         rejected: ``(R, 2)`` keys of the poses of edges that were not believed and are not in the graph.
+        residuals: of `clew.evaluate.factor_residuals`; edges with a weight below a tenth count as rejected too.
 
     Raises:
         InputError: poses or landmarks of two kinds, or a key that is not in the graph.
@@ -107,17 +113,19 @@ def graph_scene(
     dim = 3 if SE3 in where or Point3 in where else 2
     parts: dict[str, list[Array]] = {}
     firsts = []
-    for block in graph.blocks():
+    for block, ids in zip(graph.blocks(), graph.block_ids(), strict=True):
         if len(block.kinds) > 1 and all(kind in where for kind in block.kinds[:2]):
             rows = graph.positions(block.keys)
             ends = np.stack([where[kind][rows[:, n]] for n, kind in enumerate(block.kinds[:2])], axis=1)
-            parts.setdefault(block.role.value, []).append(ends)
-            if block.role.value == "odometry":
-                firsts.append(block.keys[:, 0])
-    edges = {role: np.concatenate(ends) for role, ends in parts.items()}
+            believed = _believed(ids, residuals)
+            parts.setdefault(block.role.value, []).append(ends[believed])
+            parts.setdefault(REJECTED_ROLE, []).append(ends[~believed])
+            if block.role is Role.ODOMETRY:
+                firsts.append(block.keys[believed, 0])
     if rejected is not None and len(keys := np.asarray(rejected, dtype=np.int64).reshape(-1, 2)):
         kind = graph.kind(int(keys[0, 0]))
-        edges[REJECTED_ROLE] = where[kind][graph.positions(keys)]
+        parts.setdefault(REJECTED_ROLE, []).append(where[kind][graph.positions(keys)])
+    edges = {role: np.concatenate(ends) for role, ends in parts.items()}
     names, of_pose, of_edge = tuple(robots or ()), None, None
     if robots and poses is not None:
         of_pose = _robot_of(tables[poses].keys, robots)
@@ -136,6 +144,7 @@ def solution_scene(
     covariances: bool = True,
     robots: Mapping[str, ArrayLike] | None = None,
     rejected: ArrayLike | None = None,
+    residuals: FactorResiduals | None = None,
 ) -> Scene:
     """The scene of a solved graph, with how sure its positions are.
 
@@ -144,12 +153,13 @@ def solution_scene(
         covariances: whether to ask for the covariances of poses and landmarks.
         robots: keys of the poses of each robot, by its name.
         rejected: ``(R, 2)`` keys of the poses of edges that were not believed and are not in the graph.
+        residuals: of `clew.evaluate.factor_residuals`; edges with a weight below a tenth count as rejected too.
 
     Raises:
         InputError: the graph changed since it was solved, or measurements that leave variables free have no
             covariances.
     """
-    plain = graph_scene(solution.graph, robots=robots, rejected=rejected)
+    plain = graph_scene(solution.graph, robots=robots, rejected=rejected, residuals=residuals)
     if not covariances:
         return plain
     of_poses = of_points = None
@@ -161,8 +171,7 @@ def solution_scene(
             storage = solution.values(kind).array
             turn = so2.matrix(storage[:, 2:]) if kind is SE2 else so3.matrix(storage[:, 3:])
             of_poses = turn @ block @ np.swapaxes(turn, 1, 2)
-    return Scene(plain.poses, plain.edges, plain.points, of_poses, of_points,
-                 plain.robots, plain.robot_of_pose, plain.robot_of_edge)
+    return replace(plain, pose_covariances=of_poses, point_covariances=of_points)
 
 
 def _only(where: Mapping[type, Array], kinds: tuple[type, ...], what: str) -> type | None:
@@ -170,6 +179,13 @@ def _only(where: Mapping[type, Array], kinds: tuple[type, ...], what: str) -> ty
     if len(found) > 1:
         raise InputError(f"the graph has {what} in the plane and in space; draw them one after the other")
     return found[0] if found else None
+
+
+def _believed(ids: Index, residuals: FactorResiduals | None) -> NDArray[np.bool_]:
+    """Which factors keep at least a tenth of their weight."""
+    if residuals is None:
+        return np.ones(len(ids), dtype=np.bool_)
+    return np.asarray(residuals.weight[np.searchsorted(residuals.ids, ids)] >= _DOUBTED)
 
 
 def _robot_of(keys: Index, robots: Mapping[str, ArrayLike]) -> Index:

@@ -38,7 +38,7 @@ def sparsity_figure(symbolic: SymbolicFactor, title: str = "", *, theme: Theme =
         (f"H in the order of elimination ({symbolic.ordering})", _both(place[rows], place[cols]), len(rows)),
         ("factor L of H = L Lᵀ, the fill in orange", factor, len(factor[0])),
     ]
-    figure, grid = chart(1800, 800, 1, 3, theme)
+    figure, grid = chart(1800, 720, 1, 3, theme)
     for number, (axes, (name, (i, j), stored)) in enumerate(zip(grid, panels, strict=True)):
         image = _image(i, j, n)
         if number == 2:  # what the matrix itself has, over the fill

@@ -1,7 +1,8 @@
 """Landmark SLAM: robots that recognise landmarks, alone or several in one map."""
 
+from clew.slam.landmarks.associate import associate_features
 from clew.slam.landmarks.estimate import LandmarkMap, RobotEstimate, map_landmarks
-from clew.slam.landmarks.mapper import AssociationConfig, LandmarkMapper, associate_features
+from clew.slam.landmarks.mapper import AssociationConfig, LandmarkMapper
 from clew.slam.landmarks.model import Calibration, SensorModel, SightingNoise
 from clew.slam.landmarks.track import KEYS_A_ROBOT
 

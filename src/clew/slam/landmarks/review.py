@@ -2,121 +2,193 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from clew.factors import PointObservation
 from clew.geometry import Point2, se2, so2
-from clew.place import Gates
+from clew.place import NEW, Gates, join_landmarks, landmark_density, nearest_neighbour
+from clew.slam.landmarks.noise import expected_squares
+from clew.slam.landmarks.record import Seen
+from clew.slam.landmarks.track import TAIL
 from clew.solve import Solution
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
-_NEIGHBOURS = 4
-_FURTHEST = 30.0  # squared Mahalanobis distance of two landmarks that are one
-_ESTABLISHED = 3  # sightings
-_PREFERRED = 2.5  # how much further than the gate a sighting may be from an established landmark
+_FURTHEST = 4.0  # standard deviations of two landmarks that may be one
+_DOUBT = 9.0  # factor of the covariances: drift may be worse than residuals tell, for it is not all white
+_NEIGHBOURS = 6
+_MOST = 400  # landmarks that are compared with each other at a time
 
 
-def merge_landmarks(
-    solution: Solution, pose: Indices, noise: Array, landmark: Indices, gates: Gates, unit: float
-) -> Indices:
-    """Associations ``(K,)`` after landmarks that prove to be one have become one.
+def contradicted(solution: Solution, seen: PointObservation, gates: Gates) -> Indices:
+    """Rows of sightings that the rest of the graph contradicts.
 
-    Two are one if they are within the gate of each other in their joint covariance, or nearer than chance would have
-    it, or so near that no sighting (covariances ``(K, 2, 2)`` in `noise`) could tell them apart, and were never seen
-    both from one pose. The one with more sightings gives the key. All covariances are to be multiplied by `unit`.
+    A residual ``r`` with noise ``R`` has the covariance ``V = R - J C J^T`` at the solution, so ``r^T V^-1 r`` is chi
+    square if the sighting belongs there (Baarda 1968, data snooping): the test of the sighting against everything else.
     """
-    keys = np.unique(landmark[landmark >= 0])
-    if len(keys) < 2:
-        return np.array(landmark, np.int64)
-    points = _points(solution, keys)
-    spread = np.sqrt(unit * np.trace(solution.covariances(Point2), axis1=1, axis2=2).max())
-    blur = unit * float(np.median(np.trace(noise, axis1=1, axis2=2))) / 2.0  # variance of a sighting in any direction
-    reach = max(spread * np.sqrt(2.0 * _FURTHEST), np.sqrt(blur * gates.known))
-    nearby = cKDTree(points).query_pairs(float(reach), output_type="ndarray")
-    density = len(points) / max(float(np.prod(np.ptp(points, axis=0))), 1e-6)
-    lengths = np.linalg.norm(points[nearby[:, 0]] - points[nearby[:, 1]], axis=1)
-    counts = {int(key): int(n) for key, n in zip(*np.unique(landmark, return_counts=True), strict=True)}
-    seen_from = {int(key): set(pose[landmark == key].tolist()) for key in keys}
-    into: dict[int, int] = {}
-    for a, b in nearby[np.argsort(lengths, kind="stable")].tolist():
-        first, second = int(keys[a]), int(keys[b])
-        if first in into or second in into or seen_from[first] & seen_from[second]:
-            continue
-        joint = solution.joint_covariance([first, second])
-        between = joint[:2, :2] + joint[2:, 2:] - joint[:2, 2:] - joint[2:, :2]
-        difference = points[a] - points[b]
-        # Likelier one landmark than two that by chance stand so close, given how many there are in the area: where both
-        # are known well, that bears more than the chance that a gate leaves.
-        spread_of_both = unit * between + 1e-12 * np.eye(2)
-        crowding = -np.log(4.0 * np.pi**2 * np.linalg.det(spread_of_both) * density**2)
-        limit = min(max(gates.known, crowding), _FURTHEST)
-        alike = difference @ difference <= gates.known * blur
-        if not alike and difference @ np.linalg.solve(spread_of_both, difference) > limit:
-            continue
-        kept, gone = (first, second) if counts[first] >= counts[second] else (second, first)
-        into[gone] = kept
-        seen_from[kept] |= seen_from[gone]
-    out: Indices = np.array(landmark, np.int64)
-    for gone, kept in into.items():
-        while kept in into:
-            kept = into[kept]
-        out[landmark == gone] = kept
-    return out
+    error, expected = expected_squares(solution, seen)
+    noise = np.linalg.inv(seen.information)
+    left = noise - (expected - error[:, :, None] * error[:, None, :])
+    # a sighting that alone determines something cannot be contradicted
+    share = np.trace(seen.information @ left, axis1=1, axis2=2) / 2.0
+    tested = np.flatnonzero((share > 1e-3) & (np.linalg.det(left) > 1e-8 * np.linalg.det(noise)))
+    r = error[tested]
+    statistic = np.einsum("ni,ni->n", r, np.linalg.solve(left[tested], r[:, :, None])[:, :, 0])
+    wrong: Indices = tested[statistic > gates.limit_new]
+    return wrong
 
 
-def reassign(
-    solution: Solution, pose: Indices, z: Array, noise: Array, landmark: Indices, gates: Gates
-) -> tuple[Indices, Indices]:
-    """Associations ``(K,)`` with each sighting at the nearest landmark to where the solved pose puts it.
+def join(solution: Solution, seen: Seen) -> dict[int, int]:
+    """Landmarks that prove to be others: key of each that goes, and of the one that it is.
 
-    Also the rows of sightings without a landmark that turn out to be of new ones.
-
-    Pose and landmarks count as known: at a solved pose their uncertainty relative to each other is small against the
-    noise of one sighting. Two sightings from one pose never become one landmark.
+    Args:
+        solution: of the graph.
+        seen: all sightings with the landmarks that they are taken for.
     """
+    landmark = seen.landmark
     keys, counts = np.unique(landmark[landmark >= 0], return_counts=True)
-    if not len(keys):
-        return np.array(landmark, np.int64), np.flatnonzero(landmark < 0)
-    points = _points(solution, keys)
-    poses = solution.values(solution.kinds[0]).array
-    pose_keys = solution.keys()
-    order = np.argsort(pose_keys)
-    at = poses[order[np.searchsorted(pose_keys, pose, sorter=order)]]
-    world = se2.act(at, z)
-    turn = so2.matrix(at[:, 2:])
-    spread = turn @ noise @ np.swapaxes(turn, 1, 2)
-    _, near = cKDTree(points).query(world, k=min(_NEIGHBOURS, len(keys)))
-    near = near.reshape(len(z), -1)
-    difference = world[:, None] - points[near]
-    distance = np.einsum("kna,kab,knb->kn", difference, np.linalg.inv(spread), difference)
-    # A landmark that was seen once or twice explains these sightings perfectly; one that is well known is preferred.
-    provisional = counts[near] < _ESTABLISHED
-    distance = np.where(provisional, distance + gates.known, distance)
-    distance = np.where(~provisional & (distance <= _PREFERRED * gates.known), distance / _PREFERRED, distance)
-    best = distance.argmin(axis=1)
-    every = np.arange(len(z))
-    lowest = distance[every, best]
-    out = np.where(lowest <= gates.known, keys[near[every, best]], landmark)
-    fresh = np.flatnonzero((landmark < 0) & (lowest > gates.new))
-    return _exclusive(pose, out, landmark), fresh
+    if len(keys) < 2:
+        return {}
+    points, spread = points_of(solution, keys), solution.covariances(Point2)
+    order = np.argsort(solution.keys(Point2))
+    deviation = np.sqrt(np.trace(spread[order][np.searchsorted(solution.keys(Point2)[order], keys)], axis1=1, axis2=2))
+    density = landmark_density(points)
+    chosen = _near_another(points, np.sqrt(_DOUBT) * deviation)
+    if len(chosen) < 2:
+        return {}
+    some = keys[chosen]
+    apart = _seen_together(seen.pose, landmark, some)
+    covariance, count = solution.joint_covariance(some), counts[chosen]
+    pairs = join_landmarks(points[chosen], covariance, apart, density)
+    if not pairs:
+        apart |= (count == 1)[:, None] | (count == 1)  # whether a single sighting is an outlier is seen at the end
+        pairs = join_landmarks(points[chosen], _DOUBT * covariance, apart, density)
+    into: dict[int, int] = {}
+    for a, b in pairs:
+        kept, gone = (a, b) if count[a] >= count[b] else (b, a)
+        into[int(some[gone])] = int(some[kept])
+    return into
 
 
-def _exclusive(pose: Indices, after: Indices, before: Indices) -> Indices:
-    """Undo changes that would give two sightings from one pose one landmark."""
-    order = np.lexsort((after, pose))
-    twice = (np.diff(pose[order]) == 0) & (np.diff(after[order]) == 0) & (after[order][1:] >= 0)
-    clash = np.unique(pose[order][1:][twice])
-    out: Indices = np.array(after, np.int64)
-    back = np.isin(pose, clash)
-    out[back] = before[back]
-    return out
+def _near_another(points: Array, deviation: Array) -> Indices:
+    """Landmarks with another within their uncertainties, the surest pairs first if there are too many."""
+    tree = cKDTree(points)
+    pairs = tree.query_pairs(2.0 * _FURTHEST * float(deviation.max()), output_type="ndarray")
+    length = np.linalg.norm(points[pairs[:, 0]] - points[pairs[:, 1]], axis=1)
+    ratio = length / np.maximum(deviation[pairs].sum(axis=1), 1e-9)
+    pairs = pairs[np.argsort(ratio, kind="stable")][: np.count_nonzero(ratio <= _FURTHEST)]
+    _, first = np.unique(pairs, return_index=True)
+    listed = pairs.reshape(-1)[np.sort(first)][:_MOST]
+    return np.sort(listed)
 
 
-def _points(solution: Solution, keys: Indices) -> Array:
+def _seen_together(pose: Indices, landmark: Indices, keys: Indices) -> NDArray[np.bool_]:
+    """``(L, L)`` whether two landmarks were seen from one pose."""
+    used = np.isin(landmark, keys)
+    _, row = np.unique(pose[used], return_inverse=True)
+    column = np.searchsorted(keys, landmark[used])
+    order = np.argsort(row, kind="stable")
+    row, column = row[order], column[order]
+    apart = np.eye(len(keys), dtype=bool)
+    for gap in range(1, int(np.bincount(row).max(initial=1))):
+        same = row[gap:] == row[:-gap]
+        apart[column[gap:][same], column[:-gap][same]] = True
+        apart[column[:-gap][same], column[gap:][same]] = True
+    return apart
+
+
+@dataclass(frozen=True, eq=False)
+class LooseSightings:
+    """Sightings of one pose that have no landmark yet: where they are, with noise, and the pose's key."""
+
+    pose: int
+    z: Array
+    noise: Array
+    taken: Indices  # landmarks that others from this pose have
+
+
+def find_again(solution: Solution, loose: LooseSightings, keys: Indices, points: Array, gates: Gates) -> Indices:
+    """Landmark ``(M,)`` of each sighting in the solved graph, `NEW` or `UNCLEAR`.
+
+    Args:
+        solution: of the graph without them.
+        loose: see there.
+        keys: ``(L,)`` of all landmarks.
+        points: ``(L, 2)``.
+        gates: see `clew.place.Gates`.
+    """
+    at = solution.value(loose.pose).array
+    free = ~np.isin(keys, loose.taken)
+    keys, points = keys[free], points[free]
+    view = se2.act(se2.inverse(at), points)
+    pose_spread = solution.covariance(loose.pose)
+    reach = _FURTHEST * np.sqrt(np.trace(pose_spread[:2, :2]) + np.trace(loose.noise, axis1=1, axis2=2).max())
+    reach += _FURTHEST * np.sqrt(pose_spread[2, 2]) * np.linalg.norm(loose.z, axis=1).max() + 1.0
+    near = np.flatnonzero((np.linalg.norm(view[None] - loose.z[:, None], axis=2) <= reach).any(axis=0))
+    if not len(near):
+        return np.full(len(loose.z), NEW)
+    near = near[np.argsort(np.linalg.norm(view[near], axis=1), kind="stable")][:60]
+    covariance = solution.joint_covariance([loose.pose, *keys[near].tolist()])
+    view = view[near]
+    jacobian = np.zeros((len(near), 2, 3 + 2 * len(near)))
+    jacobian[:, 0, 0] = jacobian[:, 1, 1] = -1.0
+    jacobian[:, 0, 2], jacobian[:, 1, 2] = view[:, 1], -view[:, 0]
+    turn = so2.matrix(-at[2:])
+    for row in range(len(near)):
+        jacobian[row, :, 3 + 2 * row : 5 + 2 * row] = turn
+    spread = jacobian @ covariance @ np.swapaxes(jacobian, 1, 2)
+    found = nearest_neighbour(loose.z, view, spread, loose.noise, gates, landmark_density(points))
+    out = np.where(found >= 0, keys[near[np.maximum(found, 0)]], found)
+    return np.asarray(out, np.int64)
+
+
+def join_singles(solution: Solution, seen: Seen) -> dict[int, int]:
+    """Landmarks that were seen once and are likelier an outlying sighting of another; as `join`.
+
+    Sightings have heavy tails: Student's t distribution in two dimensions for the distance of the two, against the
+    density of landmarks that are seen for the first time, a square metre.
+    """
+    landmark = seen.landmark
+    keys, counts = np.unique(landmark[landmark >= 0], return_counts=True)
+    if len(keys) < 2:
+        return {}
+    reach = float(np.linalg.norm(seen.z, axis=1).max())
+    births = len(keys) / len(landmark) / (np.pi * reach**2)
+    points = points_of(solution, keys)
+    tree = cKDTree(points)
+    into: dict[int, int] = {}
+    gone: set[int] = set()
+    for single in np.flatnonzero(counts == 1).tolist():
+        near = np.atleast_1d(tree.query(points[single], k=min(_NEIGHBOURS, len(keys)))[1])
+        near = np.array([i for i in near.tolist() if i != single and i not in gone], np.int64)
+        together = landmark[np.isin(seen.pose, seen.pose[landmark == keys[single]])]
+        near = near[~np.isin(keys[near], together)]
+        if not len(near):
+            continue
+        joint = solution.joint_covariance(keys[[single, *near.tolist()]])
+        blocks = joint.reshape(len(near) + 1, 2, len(near) + 1, 2)
+        every = np.arange(1, len(near) + 1)
+        cross = blocks[0][:, every].swapaxes(0, 1)
+        spread = blocks[0, :, 0] + blocks[every, :, every] - cross - cross.swapaxes(1, 2)
+        difference = points[near] - points[single]
+        distance = np.einsum("na,nab,nb->n", difference, np.linalg.inv(spread), difference)
+        density = -np.log(2.0 * np.pi) - 0.5 * np.log(np.linalg.det(spread))
+        density -= 0.5 * (TAIL + 2.0) * np.log1p(distance / TAIL)
+        if density.max() > np.log(births):
+            into[int(keys[single])] = int(keys[near[density.argmax()]])
+            gone.add(single)
+    return into
+
+
+def points_of(solution: Solution, keys: Indices) -> Array:
+    """Positions ``(L, 2)`` of landmarks."""
     all_keys = solution.keys(Point2)
     order = np.argsort(all_keys)
     points: Array = solution.values(Point2).array[order[np.searchsorted(all_keys, keys, sorter=order)]]
     return points
+
