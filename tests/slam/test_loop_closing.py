@@ -70,4 +70,4 @@ def test_every_candidate_is_told_of_once() -> None:
     assert len(set(pairs)) == len(pairs)
     assert all(c.verdict is not Verdict.WAITING or c.source >= len(slam.keyframes) - 20 for c in told)
     for c in told:
-        assert slam.keyframes.timestamps[c.source] > slam.keyframes.timestamps[c.target]
+        assert slam.every_keyframe.timestamps[c.source] > slam.every_keyframe.timestamps[c.target]

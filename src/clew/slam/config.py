@@ -71,7 +71,7 @@ class ClosingOptions:
         reach: a submap is a candidate when it may lie this close, metres.
         candidates: submaps that are matched at most in one attempt,
         lost_candidates: and while the robot may be further than `reach` from where it is believed.
-        similarity: least cosine of the descriptors.
+        similarity: least likeness of the descriptors; what looks less alike shares too little.
         caution: factor on the covariance of the prediction: drift is not quite the sum of independent errors.
         sigmas: half of the search window in deviations of the prediction,
         window_floor: its least half size, metres and radians.
@@ -101,7 +101,7 @@ class ClosingOptions:
     reach: float = 5.0
     candidates: int = 3
     lost_candidates: int = 8
-    similarity: float = 0.5
+    similarity: float = 0.2
     caution: float = 3.0
     sigmas: float = 3.0
     window_floor: tuple[float, float] = (0.3, 0.06)

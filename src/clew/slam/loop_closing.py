@@ -33,10 +33,10 @@ class LoopCloser:
     """Proposes closures of the newest keyframe with older ones and adds to the graph those that are confirmed.
 
     A candidate must look alike, match a submap in one place only, overlap, and not contradict free space
-    (`clew.place.verify`); it must agree with the graph within its uncertainty; and, unless it hardly moves a robot whose
-    place is certain, it waits until others agree with it that share no scan with it. Keyframes that could not be closed,
-    because several places looked alike, are tried again once the robot knows where it is. After optimisation, a closure
-    that no longer fits is withdrawn.
+    (`clew.place.verify`); it must agree with the graph within its uncertainty; and, unless it hardly moves a robot
+    whose place is certain, it waits until others agree with it that share no scan with it. Keyframes that could not be
+    closed, because several places looked alike, are tried again once the robot knows where it is. After optimisation,
+    a closure that no longer fits is withdrawn.
     """
 
     def __init__(self, keyframes: KeyframeStore, graph: PoseGraph, config: SlamConfig) -> None:
@@ -143,7 +143,8 @@ class LoopCloser:
 
         Along a bare corridor only odometry tells how far apart the keyframes of a submap are, so that surfaces at one
         end of it are uncertain by that against those at the other. Half of the query's and of the submap's way counts;
-        what is equal in all directions does not, since the match itself knows it.
+        what is equal in all directions does not, since the match itself knows it. Odometry is trusted no more than in
+        the prediction (`ClosingOptions.caution`).
         """
         half = self._config.closing.submap_keyframes // 2
         total = np.zeros((2, 2))
@@ -154,6 +155,7 @@ class LoopCloser:
                 turns = se2.matrix(se2.inverse(closure.T_target_source))[:2, :2] @ turns
             total += (turns @ self._keyframes.step_covariances(way) @ turns.transpose(0, 2, 1)).sum(axis=0)
         out = np.zeros((3, 3))
+        total *= self._config.closing.caution
         out[:2, :2] = total - np.linalg.eigvalsh(total)[0] * np.eye(2)
         return out
 
@@ -211,7 +213,7 @@ class LoopCloser:
         self._pending += 1
         options = self._config.closing
         settled = best.innovation[0] < options.settled[0] and best.innovation[1] < options.settled[1]
-        if settled and self._pending < options.batch:
+        if settled and not supporters and self._pending < options.batch:
             return False
         self.settle()
         return True
