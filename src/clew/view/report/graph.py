@@ -218,7 +218,8 @@ def _misfits(residuals: FactorResiduals, place: Index, scene: Scene) -> list[Not
     return notes
 
 
-_NOUNS = {Role.LOOP: "loop edge", Role.OBSERVATION: "sighting", Role.ODOMETRY: "odometry edge", Role.PRIOR: "prior"}
+_NOUNS = {Role.LOOP: "loop edge", Role.OBSERVATION: "sighting", Role.ODOMETRY: "odometry edge", Role.PRIOR: "prior",
+          Role.MARGINAL: "marginal edge"}
 
 
 def _edge(place: Index, row: int) -> Focus | None:
