@@ -20,7 +20,6 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-from revisits import judge, recall, revisits
 
 from clew.evaluate import poses_at
 from clew.geometry import se2
@@ -29,6 +28,7 @@ from clew.place import Descriptor, PairDistances, RingSpectra, TurnedRings
 from clew.scan import LaserScan, ScanPoints, extract_points, merge_surfels
 from clew.scan.points import concatenate
 from clew.slam import Slam
+from revisits import judge, recall, revisits
 
 Array = NDArray[np.float64]
 
@@ -108,7 +108,8 @@ def main() -> None:
         closures.append([name, f"{int(right.sum())} / {len(judged)}", f"{int(partial.sum())}",
                          f"{100 * right.sum() / max(len(judged), 1):.2f}", f"{count - len(missed)} / {count}",
                          f"{100 * (count - len(missed)) / max(count, 1):.1f}"])
-        print(f"{name}: wrong {'; '.join(wrong) or 'none'}; missed {', '.join(f'{a:.0f}-{b:.0f} m' for a, b in missed)}")
+        gaps = ", ".join(f"{a:.0f}-{b:.0f} m" for a, b in missed)
+        print(f"{name}: wrong {'; '.join(wrong) or 'none'}; missed {gaps or 'nothing'}")
 
         rows = rows[rows >= BEFORE]
         places = rows[rows % EVERY == 0]

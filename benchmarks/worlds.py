@@ -22,13 +22,13 @@ from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 
 import numpy as np
-from revisits import judge, recall, revisits
 
 from clew.evaluate import absolute_trajectory_error
 from clew.geometry import se2
 from clew.scan import extract_points
 from clew.sim import LaserModel, OdometryModel, simulate_kind
 from clew.slam import Slam
+from revisits import judge, recall, revisits
 
 #: Kinds of worlds and how long the robot drives there, seconds.
 KINDS = {"office": 300.0, "alike": 300.0, "doors": 380.0, "hall": 240.0, "loop": 420.0, "campus": 420.0}

@@ -64,7 +64,7 @@ def closure(source: int, verdict: Verdict) -> Closure:
 
 def same(a: Closure, b: Closure) -> bool:
     pairs = [(getattr(a, f.name), getattr(b, f.name)) for f in fields(Closure)]
-    return all(type(x) is type(y) and np.array_equal(x, y) for x, y in pairs)
+    return all(type(x) is type(y) and np.array_equal(x, y, equal_nan=isinstance(x, np.ndarray)) for x, y in pairs)
 
 
 def test_closures_come_back_as_they_were() -> None:

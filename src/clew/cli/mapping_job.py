@@ -130,6 +130,7 @@ def map_log(
         "refined": options.refine and not stopped,
         "complete": not stopped,
         "map_size_m": [round(side * grid.resolution, 2) for side in grid.shape[::-1]],
+        "sensor": slam.sensor,
         "skipped": skipped,
     }
     return JobResult(slam, {**summary, "peak_memory_mb": _rounded(peak_memory_mb())}, stopped)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import Enum
 
 import numpy as np
@@ -50,7 +50,7 @@ class Closure:
         is_certain: whether the robot was known so well that a match within the window could not be another place.
         is_partial: whether it tells nothing along one direction, in which the scans fit at several poses.
         supporters: closures from other places that agree.
-        T_predicted: ``(3,)`` pose of the source seen from the target that was expected before the match; None where
+        T_predicted: ``(3,)`` pose of the source seen from the target that was expected before the match; nan where
             nothing was.
     """
 
@@ -71,4 +71,4 @@ class Closure:
     is_certain: bool = False
     is_partial: bool = False
     supporters: int = 0
-    T_predicted: Array | None = None
+    T_predicted: Array = field(default_factory=lambda: np.full(3, np.nan))

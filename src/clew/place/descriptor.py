@@ -42,8 +42,8 @@ class TurnedRings:
 
     The plane is cut into rings and sectors (Kim & Kim, "Scan Context", IROS 2018); two places are as alike as their
     occupied cells correlate at the best of all turns, found for all at once by the Fourier transform over the sectors,
-    which is what the rows hold (real and imaginary parts). Occupied cells count, not points, so that density of the beams
-    does not matter.
+    which is what the rows hold (real and imaginary parts). Occupied cells count, not points, so that density of the
+    beams does not matter.
 
     Attributes:
         rings, sectors: of the plane.
@@ -68,15 +68,15 @@ class TurnedRings:
         parts, other = table.reshape(shape), one.reshape(shape)
         spectra, turned = parts[..., 0] + 1j * parts[..., 1], other[..., 0] - 1j * other[..., 1]
         correlation = np.fft.irfft((spectra * turned).sum(axis=1), n=self.sectors, axis=1)
-        return np.clip(correlation.max(axis=1, initial=0.0), 0.0, 1.0).astype(np.float64)
+        return np.asarray(np.clip(correlation.max(axis=1, initial=0.0), 0.0, 1.0), dtype=np.float64)
 
 
 @dataclass(frozen=True)
 class RingSpectra:
     """Occupied sectors of rings, as magnitudes of their Fourier coefficients.
 
-    Rings and sectors are those of `TurnedRings`; what is kept of each ring are the magnitudes of its Fourier coefficients
-    over the sectors, which a turn does not change. Vectors of unit length, compared by their cosine.
+    Rings and sectors are those of `TurnedRings`; what is kept of each ring are the magnitudes of its Fourier
+    coefficients over the sectors, which a turn does not change. Vectors of unit length, compared by their cosine.
 
     Attributes:
         rings, sectors: of the plane.

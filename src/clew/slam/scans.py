@@ -33,7 +33,6 @@ class ScanStore:
         self._kept: dict[int, list[tuple[int, LaserScan]]] = {}  # by keyframe: number and scan
         self._stride: dict[int, int] = {}
         self._seen = 0  # scans of the newest keyframe
-        self.last: LaserScan | None = None  #: the newest scan
 
     def __len__(self) -> int:
         return len(self._timestamps)
@@ -41,7 +40,6 @@ class ScanStore:
     def add(self, scan: LaserScan, keyframe: int, T_keyframe_robot: Array, T_odom_robot: Array | None) -> None:
         """Append a scan, with its pose seen from a keyframe and, where it is known, by odometry."""
         number = len(self)
-        self.last = scan
         self._timestamps.extend(1)[:] = scan.timestamp
         self._keyframes.extend(1)[:] = keyframe
         self._T_keyframe_robot.append(T_keyframe_robot[None])

@@ -28,7 +28,7 @@ _GUTTER = 40  # between two graphs, pixels
 _DOTS = (1.5, 2.0)  # of what was rejected
 
 # What is many lies below what is telling; opacity of each role.
-_ROLES = {"observation": 0.35, "marginal": 0.35, "odometry": 1.0, "loop": 0.6, "prior": 1.0, REJECTED_ROLE: 0.8}
+_ROLES = {"observation": 0.35, "odometry": 1.0, "loop": 0.6, "prior": 1.0, REJECTED_ROLE: 0.8}
 # Where the axes x, y and z point in the picture of a graph in space.
 _ISOMETRIC = np.array([[np.sqrt(0.75), -0.5], [np.sqrt(0.75), 0.5], [0.0, 1.0]])
 

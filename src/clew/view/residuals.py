@@ -40,7 +40,7 @@ def residuals_figure(
     figure, grid = chart(1600, 1000 if weighted else 640, 2 if weighted else 1, 1, theme, share_x=True)
     upper, lower = grid[0], grid[-1]
     colours = {Role.ODOMETRY: theme.trajectory, Role.LOOP: theme.closure, Role.OBSERVATION: theme.landmark,
-               Role.PRIOR: theme.rejected, Role.MARGINAL: theme.ink}
+               Role.PRIOR: theme.rejected, Role.MARGINAL: theme.muted}
     size = float(np.clip(6.0 - 1.2 * np.log10(max(len(residuals), 1)), 1.0, 4.0))
     start, ticks, labels, handles = 0, [], [], []
     for role in ROLES:

@@ -16,6 +16,7 @@ from clew.slam import Slam
 Array = NDArray[np.float64]
 
 MOST_POINTS = 180  # of a keyframe or a scan that are shown
+_NONE = np.zeros((0, 2))
 _REACH = 300.0  # metres; what is further away does not fit into the centimetres of 16 bits
 
 
@@ -66,7 +67,10 @@ class FrameMaker:
         """The present moment."""
         poses = slam.every_keyframe.T_world_robot
         if len(poses) > len(self._clouds):
-            self._clouds += [_thinned(points) for points in slam.keyframe_points[len(self._clouds) : len(poses)]]
+            numbers = slam.keyframe_numbers
+            fresh = int(np.searchsorted(numbers, len(self._clouds)))
+            new = dict(zip(numbers[fresh:].tolist(), slam.keyframe_points[fresh:], strict=True))
+            self._clouds += [_thinned(new.get(k, _NONE)) for k in range(len(self._clouds), len(poses))]
         scan = slam.last_scan
         closures = np.array([(c.source, c.target) for c in slam.closures], dtype=np.int32).reshape(-1, 2)
         begin, end = slam.time_span

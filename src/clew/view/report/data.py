@@ -90,7 +90,7 @@ def _closure(closure: Closure) -> dict[str, object]:
         "verdict": closure.verdict.name.lower(),
         "reason": closure.verdict.value,
         "measured": _rounded(closure.T_target_source),
-        "predicted": None if closure.T_predicted is None else _rounded(closure.T_predicted),
+        "predicted": _rounded(closure.T_predicted) if np.isfinite(closure.T_predicted).all() else None,
         "similarity": _number(closure.similarity),
         "likelihood": _number(closure.likelihood),
         "overlap": _number(closure.overlap),

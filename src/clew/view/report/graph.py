@@ -219,7 +219,7 @@ def _misfits(residuals: FactorResiduals, place: Index, scene: Scene) -> list[Not
 
 
 _NOUNS = {Role.LOOP: "loop edge", Role.OBSERVATION: "sighting", Role.ODOMETRY: "odometry edge", Role.PRIOR: "prior",
-          Role.MARGINAL: "marginal edge"}
+          Role.MARGINAL: "summarised edge"}
 
 
 def _edge(place: Index, row: int) -> Focus | None:

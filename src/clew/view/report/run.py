@@ -48,22 +48,27 @@ def report_of_run(
         paths.append(Path("odometry alone", "odometry", 0, odometry.timestamps, odometry.T_world_robot))
     if truth is not None:
         paths.append(Path("truth", "truth", 0, truth.timestamps, truth.T_world_robot))
-    closures = sorted([*slam.closures, *slam.rejected_closures], key=lambda c: (c.source, c.target, c.verdict.name))
-    shown = slam.among_kept(closures)
-    points = slam.keyframe_points
-    scans = [points[key] for key in slam.graph.keys().tolist()]
-    scene = replace(graph.scene, paths=paths, closures=shown, scans=scans, grid=grid)
+    closures = _between_rows([*slam.closures, *slam.rejected_closures], slam.keyframe_numbers)
+    scene = replace(graph.scene, paths=paths, closures=closures, scans=slam.keyframe_points, grid=grid)
     slip = None
     if len(odometry):
         slip = odometry_slip(odometry.timestamps, odometry.T_world_robot, trajectory.T_world_robot)
     skipped = dict(skipped or {})
-    notes = [*_unfinished(complete), *_closure_notes(shown, scene), *graph.notes, *_slip_notes(slip, scene),
+    notes = [*_unfinished(complete), *_closure_notes(closures, scene), *graph.notes, *_slip_notes(slip, scene),
              *_log_notes(health), *_left_out(skipped)]
     rank = {"check": 0, "know": 1, "good": 2}
     notes.sort(key=lambda note: rank[note.level])
     return Report(title, "run", _lead(slam, grid, graph, closures, truth), notes, scene,
                   [_log_section(health, skipped, slip, scene), replace(graph.section, tables=[
                       _verdicts(closures), *graph.section.tables])])
+
+
+def _between_rows(closures: list[Closure], numbers: NDArray[np.int64]) -> list[Closure]:
+    """Closures between keyframes that there still are, by their rows, in order."""
+    row = {int(number): k for k, number in enumerate(numbers)}
+    shown = [replace(c, source=row[c.source], target=row[c.target])
+             for c in closures if c.source in row and c.target in row]
+    return sorted(shown, key=lambda c: (c.source, c.target, c.verdict.name))
 
 
 def _lead(slam: Slam, grid: OccupancyGrid, graph: GraphView, closures: list[Closure],

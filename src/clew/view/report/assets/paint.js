@@ -62,7 +62,7 @@ class Layers {
   /** Edges by role; odometry by robot, for there it is the path. */
   edges(scene) {
     const { ends, role, born, weight } = scene.edges;
-    const rows = { observation: [], marginal: [], odometry: [], loop: [], prior: [], doubted: [] };
+    const rows = { observation: [], odometry: [], loop: [], prior: [], marginal: [], doubted: [] };
     for (let e = 0; e < role.length; e++) rows[weight[e] < 0.5 ? 'doubted' : ROLES[role[e]]].push(e);
     const dense = scene.paths.some((path) => path.kind === 'trajectory');
     const simple = (id, label, on, alpha, width, mark = 'line') => {
@@ -79,8 +79,8 @@ class Layers {
       });
     };
     simple('observation', 'sightings of landmarks', true, Math.min(0.4, 12 / Math.sqrt(rows.observation.length)), 1);
-    simple('marginal', 'what removed poses knew', !dense, dense ? 0.35 : 0.7, 1);
     simple('loop', dense ? 'scans aligned with each other' : 'loop edges', !dense, dense ? 0.35 : 0.7, 1);
+    simple('marginal', 'what pruned keyframes knew', false, 0.5, 1);
     if (rows.odometry.length) {
       const byRobot = scene.robots.map((_, robot) => new Segments(ends,
         rows.odometry.filter((e) => scene.robot[ends[2 * e]] === robot), born));
