@@ -12,6 +12,7 @@ from clew.view.map import save_map_png
 from clew.view.overview import save_overview_png
 from clew.view.report import (
     Report,
+    report_of_features,
     report_of_landmarks,
     report_of_merge,
     report_of_run,
@@ -34,6 +35,7 @@ __all__ = [
     "error_figure",
     "graph_figure",
     "graph_scene",
+    "report_of_features",
     "report_of_landmarks",
     "report_of_merge",
     "report_of_run",

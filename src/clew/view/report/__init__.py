@@ -3,6 +3,7 @@
 from clew.view.report.content import Report
 from clew.view.report.page import write_report
 from clew.view.report.run import report_of_run
-from clew.view.report.solved import report_of_landmarks, report_of_merge, report_of_solution
+from clew.view.report.solved import report_of_features, report_of_landmarks, report_of_merge, report_of_solution
 
-__all__ = ["Report", "report_of_landmarks", "report_of_merge", "report_of_run", "report_of_solution", "write_report"]
+__all__ = ["Report", "report_of_features",
+    "report_of_landmarks", "report_of_merge", "report_of_run", "report_of_solution", "write_report"]
