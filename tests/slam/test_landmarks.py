@@ -10,9 +10,9 @@ import pytest
 from clew.errors import InputError
 from clew.evaluate import absolute_trajectory_error, align
 from clew.geometry import SE2, Point2, se2, wrap
-from clew.io import SightingLog, Sightings, Velocities, read_graph, read_mrclam, write_graph
+from clew.io import SightingLog, Sightings, Velocities, read_feature_log, read_graph, read_mrclam, write_graph
 from clew.io.log import ReadReport
-from clew.slam.landmarks import KEYS_A_ROBOT, associate_features, map_landmarks
+from clew.slam.landmarks import KEYS_A_ROBOT, map_features, map_landmarks
 from clew.slam.landmarks.noise import repeats
 from clew.solve import optimize
 
@@ -116,18 +116,16 @@ def test_unknown_landmarks_of_a_simulated_world() -> None:
     path, given = DATA / "world-2000-noassoc.g2o.gz", DATA / "world-2000-full.g2o.gz"
     if not path.exists():
         pytest.skip(f"needs {path}")
-    file, full = read_graph(path), read_graph(given).graph
-    features = file.features
-    assert features is not None
-    landmarks, _, solution = associate_features(file.graph, features.keys, features.measurement, features.information)
+    log, full = read_feature_log(path), read_graph(given).graph
+    features, found_map = log.features, map_features(log)
     block = next(b for b in full.blocks() if b.kinds == (SE2, Point2))
     order = np.lexsort((*block.measurement.T, block.keys[:, 0]))
     mine = np.lexsort((*features.measurement.T, features.keys))
-    truth, found = block.keys[order, 1], landmarks[mine]
+    truth, found = block.keys[order, 1], found_map.landmark[mine]
     right = sum(np.unique(found[truth == tree], return_counts=True)[1].max() for tree in np.unique(truth))
     assert right > 0.99 * len(found)
     assert abs(len(np.unique(found)) - len(np.unique(truth))) <= 3
-    assert solution.status.ok
+    assert found_map.solution.status.ok
 
 
 def test_a_real_robot() -> None:

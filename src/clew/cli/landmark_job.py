@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import json as json_
 import sys
 import time
@@ -18,11 +17,11 @@ from clew.cli.progress import stages
 from clew.cli.terminal import messages
 from clew.errors import InputError
 from clew.evaluate import absolute_trajectory_error, align
+from clew.fleet import write_landmarks
 from clew.geometry import se2
 from clew.io import (
     SightingLog,
     SurveyedLandmarks,
-    atomic_write,
     ensure_output_folder,
     mrclam_robots,
     read_mrclam,
@@ -80,25 +79,15 @@ def _write(found: LandmarkMap, name: str, out: Path) -> None:
         file = "trajectory.tum" if alone else f"trajectory_robot{robot.robot}.tum"
         write_tum(out / file, robot.timestamps, robot.T_world_robot)
     write_graph(out / "graph.g2o", found.graph)
-    write_landmarks(found, out / "landmarks.csv")
+    names = [str(number) for number in found.identity]
+    write_landmarks(out / "landmarks.csv", names, found.position, found.covariance, found.sightings)
     save_landmarks_png(
         out / "landmarks.png",
         [(f"robot {robot.robot}", robot.T_world_robot[:, :2]) for robot in found.robots],
-        found.position, found.covariance, [str(number) for number in found.identity], name,
+        found.position, found.covariance, names, name,
         f"{sum(len(r.timestamps) for r in found.robots):,} poses, {int(found.sightings.sum()):,} sightings of "
         f"{len(found.identity)} landmarks",
     )  # fmt: skip
-
-
-def write_landmarks(found: LandmarkMap, path: Path) -> None:
-    """Identity, position, covariance and sightings of each landmark, one a row; metres."""
-    with atomic_write(path) as file:
-        writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(["identity", "x", "y", "cov_xx", "cov_xy", "cov_yy", "sightings"])
-        rows = zip(found.identity, found.position, found.covariance, found.sightings, strict=True)
-        for identity, (x, y), c, sightings in rows:
-            numbers = (x, y, c[0, 0], c[0, 1], c[1, 1])
-            writer.writerow([int(identity), *(f"{number:.9g}" for number in numbers), int(sightings)])
 
 
 def _summary(
@@ -154,4 +143,4 @@ def _report(summary: dict[str, object], out: Path, console: Console) -> None:
     assert isinstance(skipped, dict)
     if skipped:
         console.print("left out: " + ", ".join(f"{n} {reason}" for reason, n in skipped.items()), highlight=False)
-    console.print(f"look at {out / 'report.html'}; everything else is beside it", highlight=False)
+    console.print(f"look at {out / 'report.html'} (clew view {out}); the rest is beside it", highlight=False)

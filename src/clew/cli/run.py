@@ -13,7 +13,10 @@ from clew.cli.options import Json, LogLevel, LogLevelOption, Quiet
 
 def run(
     log: Annotated[
-        Path, typer.Argument(metavar="LOG", show_default=False, help="CARMEN log, ROS bag, or MRCLAM folder.")
+        Path,
+        typer.Argument(
+            metavar="LOG", show_default=False, help="CARMEN log, ROS bag, MRCLAM folder, or file of features."
+        ),
     ],
     out: Annotated[Path, typer.Option("-o", "--out", metavar="OUT", show_default=False, help="Output folder.")],
     refine: Annotated[
@@ -32,6 +35,9 @@ def run(
     robot: Annotated[
         int | None, typer.Option(metavar="N", show_default=False, help="Robot of an MRCLAM folder; default: all.")
     ] = None,
+    identities: Annotated[
+        bool, typer.Option("--identities/--no-identities", help="Use identities of landmarks that the log has.")
+    ] = True,
     live: LiveOption = None,
     live_host: LiveHost = "127.0.0.1",
     live_port: LivePort = 0,
@@ -49,6 +55,10 @@ def run(
 
     A folder of the UTIAS MRCLAM data (odometry and sightings of landmarks) gives landmarks.csv and landmarks.png in
     place of the map, for one robot or for all of them in one graph; the options of laser logs do not concern it.
+
+    A file of features seen on the way gives the same for landmarks whose identity nobody knows: a g2o file with
+    odometry and `DATA_FEATURE_POINTXY` lines, or a `.circles` log (whose identities `--no-identities` disregards).
+    Which sightings are of one landmark, and how noisy they are, is found on the way.
 
     **OUT** receives report.html (look at this first: map, replay, closures with their scans, what to check),
     trajectory.tum (a pose for every scan), keyframes.tum, graph.g2o, map.pgm and map.yaml (for ROS), map.png,
@@ -68,10 +78,12 @@ def run(
     `clew run robot.log -o out --resolution 0.1 --json`
 
     `clew run MRCLAM_Dataset6 -o out --robot 3`
+
+    `clew run victoriaPark-noassoc.g2o.gz -o out`
     """
     from clew.cli.job import run_log
     from clew.errors import InputError
-    from clew.io import is_mrclam
+    from clew.io import is_feature_log, is_mrclam
 
     if is_mrclam(log):
         if live is not None:
@@ -79,6 +91,13 @@ def run(
         from clew.cli.landmark_job import run_landmarks
 
         run_landmarks(log, out, robot, json, quiet)
+        return
+    if robot is None and is_feature_log(log):
+        if live is not None:
+            raise InputError(f"--live: shows runs of laser logs, and {log} holds features; leave the option out")
+        from clew.cli.feature_job import run_features
+
+        run_features(log, out, identities, json, quiet)
         return
     if robot is not None:
         raise InputError(f"--robot {robot}: {log} is no MRCLAM folder; leave the option out")

@@ -2,9 +2,11 @@
 
 from clew.io.atomic import atomic_write, atomic_write_binary, ensure_output_folder
 from clew.io.bag import Topic, list_topics
+from clew.io.feature_drive import UNNAMED, FeatureLog
+from clew.io.feature_log import is_feature_log, read_feature_log
 from clew.io.graph_file import Features, GraphFile, GraphReport
 from clew.io.health import LaserHealth, LogHealth, StreamHealth, log_health, stream_health
-from clew.io.kind import GRAPHS, LOGS, TRAJECTORIES, FileKind, file_kind
+from clew.io.kind import FileKind, file_kind
 from clew.io.log import Log, Measurement, ReadReport, Records
 from clew.io.mrclam import is_mrclam, mrclam_robots, read_mrclam, read_survey
 from clew.io.open_log import open_log
@@ -18,9 +20,8 @@ from clew.io.write_carmen import write_carmen_log
 from clew.io.write_graph import write_graph
 
 __all__ = [
-    "GRAPHS",
-    "LOGS",
-    "TRAJECTORIES",
+    "UNNAMED",
+    "FeatureLog",
     "Features",
     "FileKind",
     "GraphFile",
@@ -43,12 +44,14 @@ __all__ = [
     "atomic_write_binary",
     "ensure_output_folder",
     "file_kind",
+    "is_feature_log",
     "is_mrclam",
     "list_topics",
     "log_health",
     "mrclam_robots",
     "open_log",
     "read_csv",
+    "read_feature_log",
     "read_graph",
     "read_kitti",
     "read_mrclam",

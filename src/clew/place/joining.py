@@ -11,12 +11,14 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import cKDTree
 
 from clew.place.association import chi_square_limit
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
+_MOST_SEEDS = 60  # pairs from which a set is grown, the likeliest first
 _JITTER = 1e-9  # square metres; keeps exactly equal landmarks from dividing by zero
 
 
@@ -55,9 +57,9 @@ def landmark_density(points: Array) -> float:
     """
     if len(points) < 2:
         return 0.0
-    distance = ((points[:, None] - points[None]) ** 2).sum(axis=2)
-    np.fill_diagonal(distance, np.inf)
-    return float(np.log(2.0) / (np.pi * max(np.median(distance.min(axis=1)), 1e-9)))
+    distances, _ = cKDTree(points).query(points, k=[2])
+    nearest = np.asarray(distances)
+    return float(np.log(2.0) / (np.pi * max(np.median(nearest) ** 2, 1e-9)))
 
 
 def join_landmarks(
@@ -75,9 +77,14 @@ def join_landmarks(
     options = options or JoinOptions()
     gate = chi_square_limit(options.probability, 2)
     first, second, evidence = _evidence(points, covariance, apart, density, gate)
+    # what is in no pair plays no part
+    some = np.unique(np.concatenate([first, second]))
+    first, second = np.searchsorted(some, first), np.searchsorted(some, second)
+    scalars = (2 * some[:, None] + np.arange(2)).reshape(-1)
+    points, covariance, apart = points[some], covariance[np.ix_(scalars, scalars)], apart[np.ix_(some, some)]
     hypotheses: list[_Hypothesis] = []
     tried: set[tuple[int, int]] = set()
-    for seed in np.argsort(-evidence, kind="stable").tolist():
+    for seed in np.argsort(-evidence, kind="stable")[:_MOST_SEEDS].tolist():
         pair = (int(first[seed]), int(second[seed]))
         if pair not in tried:
             grown = _grow(pair, float(evidence[seed]), points, covariance, apart, density, gate)
@@ -92,7 +99,7 @@ def join_landmarks(
         if not any(h.contradicts(o, apart) for o in rivals):
             chosen.append(h)
             break  # the rest is judged again when this has moved the map
-    return [pair for h in chosen for pair in h.pairs]
+    return [(int(some[a]), int(some[b])) for h in chosen for a, b in h.pairs]
 
 
 def _evidence(

@@ -9,18 +9,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from clew.geometry import se2
-from clew.place import Closure, Verdict, agree, look_back, verify
+from clew.place import Closure, Verdict, VerificationOptions, agree, look_back, verify
+from clew.scan import without_normal_noise
 from clew.slam.closure_log import ClosureLog
 from clew.slam.config import SlamConfig
 from clew.slam.keyframes import KeyframeStore
 from clew.slam.loop_candidates import Candidate, find_candidates
 from clew.slam.places import Places, Query
 from clew.slam.pose_graph import LEAST_INFORMATION, PoseGraph
+from clew.slam.sensor import SensorModel
 
 Array = NDArray[np.float64]
 
 MISSES = 4  # keyframes in a row that still cannot be closed, after which no more are tried
 FLOOR = np.diag([0.05, 0.05, 0.02]) ** 2  # covariance that any prediction has at least
+NOISY = 2.0  # the residual of a match may be so many deviations of a return
 
 
 @dataclass
@@ -39,10 +42,11 @@ class LoopCloser:
     a closure that no longer fits is withdrawn.
     """
 
-    def __init__(self, keyframes: KeyframeStore, graph: PoseGraph, config: SlamConfig) -> None:
+    def __init__(self, keyframes: KeyframeStore, graph: PoseGraph, config: SlamConfig, sensor: SensorModel) -> None:
         self._keyframes = keyframes
         self._graph = graph
         self._config = config
+        self._sensor = sensor
         self._places = Places(keyframes, config)
         self._accepted: list[_Accepted] = []
         self._past = ClosureLog()  # believed, and taken into the graph for good: a keyframe of theirs was pruned
@@ -120,12 +124,13 @@ class LoopCloser:
 
     def _match(self, query: Query, candidate: Candidate) -> Closure:
         """The evidence for one candidate."""
-        verification = self._config.verification
+        verification = self._verification()
         submap = self._places.submap(candidate.anchor)
-        prior = np.linalg.inv(candidate.covariance + FLOOR) / self._config.closing.information_scale
+        worth = self._sensor.return_information(self._config.closing.information_scale)
+        prior = np.linalg.inv(candidate.covariance + FLOOR) / worth
         closure = verify(
             submap, query.surfels, query.source, candidate.T_predicted, candidate.centre, candidate.half_window, prior,
-            candidate.similarity, verification, self._config.alignment, may_slide=candidate.is_near,
+            candidate.similarity, verification, self._sensor.alignment, may_slide=candidate.is_near,
         )  # fmt: skip
         if closure.verdict is not Verdict.WAITING:
             return closure
@@ -135,7 +140,9 @@ class LoopCloser:
 
     def _information(self, closure: Closure) -> Array:
         """What a match is worth to the graph: that of its returns, and of the ways along which they were seen."""
-        information = self._config.closing.information_scale * closure.information + LEAST_INFORMATION
+        worth = self._sensor.return_information(self._config.closing.information_scale)
+        of_returns = without_normal_noise(closure.information, self._sensor.normal_variance)
+        information = worth * of_returns + LEAST_INFORMATION
         return np.asarray(np.linalg.inv(np.linalg.inv(information) + self._deformation(closure)), dtype=np.float64)
 
     def _deformation(self, closure: Closure) -> Array:
@@ -266,6 +273,11 @@ class LoopCloser:
     def _accept(self, closure: Closure) -> None:
         closure = replace(closure, verdict=Verdict.CONFIRMED)
         self._accepted.append(_Accepted(closure, self._graph.add_closure(closure, closure.information)))
+
+    def _verification(self) -> VerificationOptions:
+        """The limits, the one on residuals no tighter than the noise of returns allows."""
+        options = self._config.verification
+        return replace(options, rms=max(options.rms, NOISY * self._sensor.return_deviation))
 
     def _withdraw(self) -> None:
         """Take out closures that the optimised graph contradicts."""

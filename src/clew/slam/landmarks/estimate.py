@@ -25,6 +25,8 @@ Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
 _ROUNDS = 15
+_ROUNDS_BEFORE = 5  # for each robot by itself, where all are solved as one after that
+_ROUNDS_TOGETHER = 8  # from there on
 _SETTLED = 0.02  # change of the noise parameters that is not worth another round, as a share
 _FEWEST_COMMON = 3  # landmarks that tell how two robots' maps lie to each other
 
@@ -93,7 +95,8 @@ def map_landmarks(logs: Sequence[SightingLog]) -> LandmarkMap:
         raise InputError("map_landmarks: give the log of at least one robot")
     tracks = make_tracks(logs)
     _join([dict.fromkeys(np.unique(log.landmarks.identity).tolist(), np.zeros(2)) for log in logs], tracks)
-    alone = [_settle(make_tracks([log]), *_first([log])) for log in logs]
+    rounds = _ROUNDS if len(logs) == 1 else _ROUNDS_BEFORE
+    alone = [_settle(make_tracks([log]), *_first([log]), rounds) for log in logs]
     if len(logs) == 1:
         return _result(*alone[0])
     models = [models[0] for _, models, _ in alone]
@@ -102,7 +105,7 @@ def map_landmarks(logs: Sequence[SightingLog]) -> LandmarkMap:
     for (own, _, solution), shift, track in zip(alone, shifts, tracks, strict=True):
         mapped = se2.compose(shift, read_solution(solution, own[0])[0])
         poses.append(_at_times(own[0], mapped, track))
-    return _result(*_settle(tracks, models, poses, landmarks))
+    return _result(*_settle(tracks, models, poses, landmarks, _ROUNDS_TOGETHER))
 
 
 def _first(logs: Sequence[SightingLog]) -> tuple[list[SensorModel], list[Array], dict[int, Array]]:
@@ -112,12 +115,13 @@ def _first(logs: Sequence[SightingLog]) -> tuple[list[SensorModel], list[Array],
 
 
 def _settle(
-    tracks: tuple[RobotTrack, ...], models: list[SensorModel], poses: list[Array], landmarks: dict[int, Array]
+    tracks: tuple[RobotTrack, ...], models: list[SensorModel], poses: list[Array], landmarks: dict[int, Array],
+    rounds: int,
 ) -> tuple[tuple[RobotTrack, ...], list[SensorModel], Solution]:
     """Solve and re-estimate the noise in turn, until it stays."""
-    for last in (*[False] * (_ROUNDS - 1), True):
+    for last in (*[False] * (rounds - 1), True):
         graph, factors = build_graph(tracks, models, poses, landmarks)
-        solution = optimize(graph, init="file", max_iterations=40, cost_tolerance=1e-7)
+        solution = optimize(graph, init="file", max_iterations=40, cost_tolerance=1e-7 if last else 1e-5)
         landmarks, poses, found = {}, [], []
         for track, model in zip(tracks, models, strict=True):
             its_poses, its_landmarks, calibration = read_solution(solution, track)
@@ -176,7 +180,7 @@ def _result(
     for track, model in zip(tracks, models, strict=True):
         first = rows[int(track.keys[0])]
         mine = slice(first, first + len(track.timestamps))
-        odometry = dead_reckoning(track.motion(SensorModel())[0].motion)
+        odometry = dead_reckoning(track.motions(SensorModel()))
         robots.append(
             RobotEstimate(track.log.robot, track.keys, track.timestamps, poses[mine],
                           pose_covariances[mine], odometry, model)

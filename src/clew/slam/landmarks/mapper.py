@@ -24,8 +24,10 @@ Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
 _FIRST = 20  # sightings before the first solve, which shows how noisy they are
+_SHARE = 0.05  # of all sightings after which the graph of a long log is solved again
 _ROUNDS = 30  # of looking at associations again, at most, in one solve
 _QUIETER = 2.0  # times that the noise may prove smaller before all is associated again
+_MARGIN = 1.5  # of the distance at which landmarks are kept in the filter
 _SETTLED = 0.02  # change of a variance component, as a share, that is not worth another solve
 
 
@@ -35,7 +37,7 @@ class AssociationConfig:
 
     Attributes:
         gates: see `clew.place.Gates`.
-        solve_every: sightings between two solves of the graph.
+        solve_every: sightings between two solves of the graph; more in logs so long that this would be often.
     """
 
     gates: Gates = field(default_factory=Gates)
@@ -60,7 +62,7 @@ class LandmarkMapper:
         self._motions, self._seen = Motions(), Seen()
         self._fresh_poses: list[tuple[int, Array]] = []
         self._factors: tuple[Between, PointObservation] | None = None
-        self._since = 0
+        self._since = self._recent = 0
         self._density = 0.0
         self._final = False
         self._components = self._associated_with = VarianceComponents()
@@ -90,9 +92,15 @@ class LandmarkMapper:
         noise = inverted(information_from_matrix(information, len(z), 2, "see: information"))
         self._seen.extend(self._pose, z, noise, self._associate(z, self._components.sightings * noise))
         self._since += len(z)
-        if self._since >= min(self.config.solve_every, max(len(self._seen) // 3, _FIRST)):
+        if self._since >= self._interval:
             self.solve()
         return self.landmarks[len(self._seen) - len(z) :]
+
+    @property
+    def _interval(self) -> int:
+        """Sightings from one solve to the next: few at first, and a share of all in a long log."""
+        seen = len(self._seen)
+        return max(min(self.config.solve_every, max(seen // 3, _FIRST)), int(_SHARE * seen))
 
     @property
     def components(self) -> VarianceComponents:
@@ -159,6 +167,7 @@ class LandmarkMapper:
         Args:
             final: the log has ended: decide what is still unclear, and solve to the end.
         """
+        self._recent = 0 if final else 2 * self._since
         self._grow()
         solution = self._optimize()
         self._suspected = np.zeros(len(self._seen), bool)
@@ -231,7 +240,8 @@ class LandmarkMapper:
         landmark = self._seen.landmark
         if not (landmark >= 0).any():
             return False
-        if self._rename(join(solution, self._seen)):
+        if self._rename(join(solution, self._seen, self._recent)):
+            self._recent = 0  # what has moved may show that older ones are one, too
             return True
         used = np.flatnonzero(landmark >= 0)
         wrong = used[contradicted(solution, self._factors[1], self.config.gates)]
@@ -248,6 +258,7 @@ class LandmarkMapper:
         loose = np.flatnonzero(landmark < 0)
         keys = np.unique(landmark[landmark >= 0])
         points = points_of(solution, keys)
+        density = landmark_density(points)
         changed = False
         for pose in np.unique(self._seen.pose[loose]).tolist():
             here = np.flatnonzero(self._seen.pose == pose)
@@ -255,7 +266,7 @@ class LandmarkMapper:
             noise = self._components.sightings * self._seen.noise[mine]
             taken = landmark[here][landmark[here] >= 0]
             group = LooseSightings(pose, self._seen.z[mine], noise, taken)
-            found = find_again(solution, group, keys, points, self.config.gates)
+            found = find_again(solution, group, keys, points, self.config.gates, density)
             for row, key in zip(mine.tolist(), found.tolist(), strict=True):
                 if key >= 0:
                     landmark[row] = key
@@ -277,8 +288,21 @@ class LandmarkMapper:
 
     def _restart(self, solution: Solution) -> None:
         """Take over pose, landmarks and their joint marginal from the graph."""
-        keys = solution.keys(Point2) if Point2 in solution.kinds else np.empty(0, np.int64)
-        points = solution.values(Point2).array.copy() if len(keys) else np.zeros((0, 2))
+        at = solution.value(self._pose).array
+        keys, points = np.empty(0, np.int64), np.zeros((0, 2))
+        if Point2 in solution.kinds:
+            keys, points = solution.keys(Point2), solution.values(Point2).array
+            self._density = landmark_density(points)
+            near = np.linalg.norm(points - at[:2], axis=1) <= self._reach(solution)
+            keys, points = keys[near], points[near].copy()
         covariance = solution.joint_covariance([self._pose, *keys.tolist()])
-        self._density = landmark_density(points)
-        self._filter = LandmarkFilter(solution.value(self._pose).array, keys.tolist(), points, covariance)
+        self._filter = LandmarkFilter(at, keys.tolist(), points, covariance)
+
+    def _reach(self, solution: Solution) -> float:
+        """Metres within which landmarks may be seen before the next solve."""
+        sight = float(np.linalg.norm(self._seen.z, axis=1).max(initial=0.0))
+        back = min(self._interval, len(self._seen))
+        since = np.searchsorted(self._motions.keys[:, 1], self._seen.pose[-back])
+        driven = float(np.linalg.norm(self._motions.motion[since:, :2], axis=1).sum())
+        spread = np.sqrt(np.trace(solution.covariance(self._pose)[:2, :2]))
+        return float(_MARGIN * (sight + driven) + 4.0 * spread)

@@ -43,12 +43,13 @@ def contradicted(solution: Solution, seen: PointObservation, gates: Gates) -> In
     return wrong
 
 
-def join(solution: Solution, seen: Seen) -> dict[int, int]:
+def join(solution: Solution, seen: Seen, recent: int = 0) -> dict[int, int]:
     """Landmarks that prove to be others: key of each that goes, and of the one that it is.
 
     Args:
         solution: of the graph.
         seen: all sightings with the landmarks that they are taken for.
+        recent: only landmarks seen in the last so many sightings are compared with others; all by default.
     """
     landmark = seen.landmark
     keys, counts = np.unique(landmark[landmark >= 0], return_counts=True)
@@ -58,7 +59,8 @@ def join(solution: Solution, seen: Seen) -> dict[int, int]:
     order = np.argsort(solution.keys(Point2))
     deviation = np.sqrt(np.trace(spread[order][np.searchsorted(solution.keys(Point2)[order], keys)], axis1=1, axis2=2))
     density = landmark_density(points)
-    chosen = _near_another(points, np.sqrt(_DOUBT) * deviation)
+    new = np.isin(keys, landmark[-recent:])
+    chosen = _near_another(points, np.sqrt(_DOUBT) * deviation, new)
     if len(chosen) < 2:
         return {}
     some = keys[chosen]
@@ -75,10 +77,11 @@ def join(solution: Solution, seen: Seen) -> dict[int, int]:
     return into
 
 
-def _near_another(points: Array, deviation: Array) -> Indices:
-    """Landmarks with another within their uncertainties, the surest pairs first if there are too many."""
+def _near_another(points: Array, deviation: Array, new: NDArray[np.bool_]) -> Indices:
+    """Landmarks of pairs with a new one that are near in view of their uncertainties; the nearest, if too many."""
     tree = cKDTree(points)
     pairs = tree.query_pairs(2.0 * _FURTHEST * float(deviation.max()), output_type="ndarray")
+    pairs = pairs[new[pairs].any(axis=1)]
     length = np.linalg.norm(points[pairs[:, 0]] - points[pairs[:, 1]], axis=1)
     ratio = length / np.maximum(deviation[pairs].sum(axis=1), 1e-9)
     pairs = pairs[np.argsort(ratio, kind="stable")][: np.count_nonzero(ratio <= _FURTHEST)]
@@ -112,7 +115,9 @@ class LooseSightings:
     taken: Indices  # landmarks that others from this pose have
 
 
-def find_again(solution: Solution, loose: LooseSightings, keys: Indices, points: Array, gates: Gates) -> Indices:
+def find_again(
+    solution: Solution, loose: LooseSightings, keys: Indices, points: Array, gates: Gates, density: float
+) -> Indices:
     """Landmark ``(M,)`` of each sighting in the solved graph, `NEW` or `UNCLEAR`.
 
     Args:
@@ -121,6 +126,7 @@ def find_again(solution: Solution, loose: LooseSightings, keys: Indices, points:
         keys: ``(L,)`` of all landmarks.
         points: ``(L, 2)``.
         gates: see `clew.place.Gates`.
+        density: of landmarks, a square metre.
     """
     at = solution.value(loose.pose).array
     free = ~np.isin(keys, loose.taken)
@@ -142,7 +148,7 @@ def find_again(solution: Solution, loose: LooseSightings, keys: Indices, points:
     for row in range(len(near)):
         jacobian[row, :, 3 + 2 * row : 5 + 2 * row] = turn
     spread = jacobian @ covariance @ np.swapaxes(jacobian, 1, 2)
-    found = nearest_neighbour(loose.z, view, spread, loose.noise, gates, landmark_density(points))
+    found = nearest_neighbour(loose.z, view, spread, loose.noise, gates, density)
     out = np.where(found >= 0, keys[near[np.maximum(found, 0)]], found)
     return np.asarray(out, np.int64)
 

@@ -59,8 +59,7 @@ def read_solution(solution: Solution, track: RobotTrack) -> tuple[Array, dict[in
 
 def _attached(part: RobotTrack, model: SensorModel, poses: Array) -> Array:
     """Known poses, followed by those that odometry leads to."""
-    motion = part.motion(model)[0].motion
-    reckoned = dead_reckoning(motion)
+    reckoned = dead_reckoning(part.motions(model))
     last = len(poses) - 1
     moved = se2.compose(poses[last], se2.between(reckoned[last], reckoned[last + 1 :]))
     return np.concatenate([poses, moved])

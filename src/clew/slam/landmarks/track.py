@@ -14,7 +14,7 @@ from clew.factors import CalibratedBearing, CalibratedRange, PreintegratedMotion
 from clew.geometry import Point2, se2, wrap
 from clew.graph import Factor
 from clew.io import SightingLog, Sightings
-from clew.motion import Preintegrated, cut, preintegrate, velocity_motion
+from clew.motion import Pieces, Preintegrated, cut, preintegrate, velocity_motion
 from clew.noise import Cauchy
 from clew.slam.landmarks.model import Calibration, SensorModel, SightingNoise
 
@@ -84,18 +84,27 @@ class RobotTrack:
         distance, bearing = self.corrected(seen, calibration)
         return np.stack([distance * np.cos(bearing) + calibration.forward, distance * np.sin(bearing)], axis=1)
 
+    def _controls(self, model: SensorModel) -> tuple[Pieces, Array, Array]:
+        """Pieces of the odometry between keyframes, and its speed and turn rate ``(N,)`` in each, as they were read."""
+        pieces = cut(self.log.odometry.timestamp + model.calibration.delay, self.timestamps)
+        known = pieces.reading >= 0
+        speed = np.where(known, self.log.odometry.speed[pieces.reading], 0.0)
+        return pieces, speed, np.where(known, self.log.odometry.turn_rate[pieces.reading], 0.0)
+
+    def motions(self, model: SensorModel) -> Array:
+        """Motions ``(S, 3)`` between keyframes, without anything else that `motion` gives."""
+        pieces, speed, turn_rate = self._controls(model)
+        v, w, _ = _corrected(speed, turn_rate, model.calibration)
+        steps = velocity_motion(pieces.duration, v, w, model.motion)
+        return preintegrate(steps.increment, pieces.first).motion
+
     def motion(self, model: SensorModel) -> tuple[Preintegrated, Array, Array]:
         """Motions between keyframes, derivative ``(S, 3, 4)`` by the first four parameters, and covariance by source.
 
         The covariances ``(6, S, 3, 3)`` are in the order of the fields of `VelocityNoise`.
         """
-        c = model.calibration
-        pieces = cut(self.log.odometry.timestamp + c.delay, self.timestamps)
-        known = pieces.reading >= 0
-        speed = np.where(known, self.log.odometry.speed[pieces.reading], 0.0)
-        turn_rate = np.where(known, self.log.odometry.turn_rate[pieces.reading], 0.0)
-        moving = ((speed != 0.0) | (turn_rate != 0.0)).astype(np.float64)
-        v, w = (1.0 + c.speed_scale) * speed, (1.0 + c.turn_scale) * turn_rate + c.turn_bias * moving
+        pieces, speed, turn_rate = self._controls(model)
+        v, w, moving = _corrected(speed, turn_rate, model.calibration)
         steps = velocity_motion(pieces.duration, v, w, model.motion)
         whole = preintegrate(steps.increment, pieces.first)
         by_control = steps.by_control
@@ -145,6 +154,13 @@ class RobotTrack:
             for factor, points, measured, scale, repeats in parts
         )  # fmt: skip
         return ranges, bearings
+
+
+def _corrected(speed: Array, turn_rate: Array, calibration: Calibration) -> tuple[Array, Array, Array]:
+    """Speed and turn rate as they truly were, and 1 where the robot moved, 0 where it stood."""
+    moving = ((speed != 0.0) | (turn_rate != 0.0)).astype(np.float64)
+    turned = (1.0 + calibration.turn_scale) * turn_rate + calibration.turn_bias * moving
+    return (1.0 + calibration.speed_scale) * speed, turned, moving
 
 
 def make_tracks(logs: Sequence[SightingLog]) -> tuple[RobotTrack, ...]:
