@@ -52,11 +52,11 @@ def true_poses(times: Array, reference: Array, slam: Slam) -> tuple[Array, NDArr
 
     From the pose of the reference that is nearest in time the estimate leads on, over a second at most.
     """
-    stamps = slam.keyframes.timestamps
+    stamps = slam.every_keyframe.timestamps
     nearest = np.abs(stamps[:, None] - times).argmin(axis=1)
     at_reference, known = poses_at(slam.trajectory.timestamps, slam.trajectory.T_world_robot, times[nearest], 1e-3)
     planar = np.column_stack([reference[:, :2], 2.0 * np.arctan2(reference[:, 5], reference[:, 6])])[nearest]
-    onwards = se2.between(at_reference, slam.keyframes.T_world_robot)
+    onwards = se2.between(at_reference, slam.every_keyframe.T_world_robot)
     return se2.compose(planar, onwards), known & (np.abs(times[nearest] - stamps) <= LEAD)
 
 
@@ -93,7 +93,7 @@ def main() -> None:
             if isinstance(measurement, LaserScan):
                 scans[measurement.timestamp] = measurement
         slam.refine()
-        stamps, local = slam.keyframes.timestamps, slam.keyframes.T_world_robot
+        stamps, local = slam.every_keyframe.timestamps, slam.every_keyframe.T_world_robot
         times, reference = read_tum(options.data / f"{name}.reference.tum")
         truth, known = true_poses(times, reference, slam)
         clouds = [extract_points(scans[t]) for t in stamps.tolist()]

@@ -161,4 +161,4 @@ def _report(summary: dict[str, object], out: Path, log: Records, console: Consol
     if skipped:
         listed = ", ".join(f"{count} {reason}" for reason, count in skipped.items())
         console.print(f"left out: {listed}", highlight=False)
-    console.print(f"look at {out / 'report.html'}; everything else is beside it", highlight=False)
+    console.print(f"look at {out / 'report.html'} (clew view {out}); the rest is beside it", highlight=False)

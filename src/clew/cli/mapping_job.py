@@ -110,6 +110,8 @@ def map_log(
         write_report(options.out / "report.html", report_of_run(
             slam, grid, options.title, health=None if health is None else health(), skipped=skipped,
             complete=not stopped, truth=None if truth is None else truth(slam.trajectory.timestamps)))
+    if stopped:
+        viewer.finish("interrupted")
     wall = time.perf_counter() - begun
     stamps = slam.trajectory.timestamps
     log_seconds = float(stamps[-1] - stamps[0])

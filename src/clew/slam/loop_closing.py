@@ -162,9 +162,8 @@ class LoopCloser:
             if keyframe == closure.target:
                 turns = se2.matrix(se2.inverse(closure.T_target_source))[:2, :2] @ turns
             total += (turns @ self._keyframes.step_covariances(way) @ turns.transpose(0, 2, 1)).sum(axis=0)
-        total *= options.caution
         out = np.zeros((3, 3))
-        out[:2, :2] = total - np.linalg.eigvalsh(total)[0] * np.eye(2)
+        out[:2, :2] = options.caution * (total - np.linalg.eigvalsh(total)[0] * np.eye(2))
         return out
 
     def _catch_up(self) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,10 +14,11 @@ from clew.slam.sensor import SensorModel
 Array = NDArray[np.float64]
 
 LEAST_SECONDS = 0.08  # that a velocity is measured over
-MEMORY = 0.95  # of the mean errors of the two predictions, a match
+MEMORY = 20  # matches that the mean errors of the two predictions go back
 LEVER = 2.0  # metres; what an error of a radian counts
 WORSE = 2.0  # odometry must be so many times worse than the last velocity to be left aside
 SLACK = 0.02  # metres; and worse by this
+SENSELESS = 0.4  # metres; of odometry with such a mean error nothing is expected
 
 
 @dataclass(frozen=True)
@@ -54,6 +55,7 @@ class MotionPredictor:
         self._velocity = np.zeros(3)  # body velocity between the last matched scans
         self._seconds, self._moved = 0.0, np.zeros(3)  # since it was measured
         self._errors = np.zeros(2)  # mean error of odometry and of the last velocity, metres
+        self._compared = 0
         self._candidates: tuple[Array | None, Array] = (None, np.zeros(3))
 
     @property
@@ -74,32 +76,41 @@ class MotionPredictor:
         """Motion until a scan; `T_odom_robot` is None where there is no odometry."""
         options = self._config.tracking
         seconds = max(timestamp - self._timestamp, 1e-3)
-        ahead = se2.exp(self._velocity * min(seconds, options.carry_on))
         increment: Array | None = None
         quality = self._sensor.odometry.quality
         if T_odom_robot is not None and self._T_odom_robot is not None:
             increment = quality.correct(se2.between(self._T_odom_robot, T_odom_robot))
             if np.hypot(increment[0], increment[1]) > options.fastest * max(seconds, options.carry_on):
                 increment = None
-        self._candidates = (increment, ahead)
+        self._candidates = (increment, self.by_velocity(timestamp).increment)
         if increment is not None and self.trusts_odometry:
             return Prediction(increment, quality.covariance(increment), True, np.zeros((1, 3)))
         alternatives = np.zeros((1, 3))
         if increment is not None:
-            alternatives = np.stack([np.zeros(3), increment])
+            if self._errors[0] < SENSELESS:
+                alternatives = np.stack([np.zeros(3), increment])
             self._sensor.unused_odometry += 1
-        translation, rotation = (sigma * seconds for sigma in options.velocity_sigmas)
-        return Prediction(ahead, np.diag([translation**2, translation**2, rotation**2]), False, alternatives)
+        return replace(self.by_velocity(timestamp), alternatives=alternatives)
 
-    def matched(self, timestamp: float, T_odom_robot: Array | None, moved: Array) -> None:
-        """Take notice of how the robot moved ``(3,)`` since the last matched scan."""
+    def by_velocity(self, timestamp: float) -> Prediction:
+        """Motion until a scan without odometry: the last velocity goes on for a moment."""
+        options = self._config.tracking
+        seconds = max(timestamp - self._timestamp, 1e-3)
+        ahead = se2.exp(self._velocity * min(seconds, options.carry_on))
+        translation, rotation = (sigma * seconds for sigma in options.velocity_sigmas)
+        covariance = np.diag([translation**2, translation**2, rotation**2])
+        return Prediction(ahead, covariance, False, np.zeros((1, 3)))
+
+    def moved(self, timestamp: float, T_odom_robot: Array | None, moved: Array, matched: bool) -> None:
+        """Take notice of how the robot moved ``(3,)`` since the last scan, and whether returns tell it."""
         seconds = timestamp - self._timestamp
-        if self._candidates[0] is not None:
+        if matched and self._candidates[0] is not None:
+            self._compared += 1
             for which, candidate in enumerate(self._candidates):
                 assert candidate is not None
                 error = se2.between(candidate, moved)
                 size = min(float(np.hypot(error[0], error[1])) + LEVER * abs(float(error[2])), 1.0)
-                self._errors[which] = MEMORY * self._errors[which] + (1 - MEMORY) * size
+                self._errors[which] += (size - self._errors[which]) / min(self._compared, MEMORY)
         # Scans may come in bursts: over a moment too short, noise is all there is to a velocity.
         self._seconds, self._moved = self._seconds + seconds, se2.compose(self._moved, moved)
         if self._seconds >= LEAST_SECONDS:

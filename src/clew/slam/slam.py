@@ -25,6 +25,7 @@ from clew.slam.scans import ScanStore
 from clew.slam.sensor import SensorModel
 from clew.slam.tracking import Tracker
 from clew.slam.viewer import GuardedViewer, NullViewer, Viewer
+from clew.solve import Solution, optimize
 
 Array = NDArray[np.float64]
 
@@ -243,6 +244,10 @@ class Slam:
     def graph(self) -> FactorGraph:
         """The graph of keyframes: odometry and loop edges at the present poses."""
         return self._pose_graph.graph if self._refined is None else self._refined
+
+    def solution(self) -> Solution:
+        """`graph` with the Gaussian around the present poses: covariances, and what the measurements leave open."""
+        return optimize(self.graph, init="file", max_iterations=0)
 
     @property
     def chi2(self) -> float:

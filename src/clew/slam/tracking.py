@@ -81,6 +81,11 @@ class _Match:
     information: Array
     of_returns: Array
 
+    @property
+    def matched(self) -> bool:
+        """Whether returns have a say in the pose."""
+        return bool(self.information.any())
+
 
 class Tracker:
     """Matches scans against a map of recent keyframes and decides when a scan becomes a keyframe.
@@ -118,11 +123,13 @@ class Tracker:
         if prediction.by_odometry and self._stands(increment) and not self._looks_elsewhere(scan):
             predicted = se2.compose(self._T_keyframe_robot, increment)
             return TrackedScan(len(self._keyframes) - 1, predicted, False, self._covariance)
-        transport = se2.adjoint(se2.inverse(increment))
-        prior = transport @ self._covariance @ transport.T + prediction.covariance
         points = extract_points(scan, self._config.cleaning)
-        match = self._match(points, prediction, prior)
-        self._predictor.matched(scan.timestamp, T_odom_robot, se2.between(self._T_keyframe_robot, match.pose))
+        match = self._match(points, prediction)
+        if prediction.by_odometry and not match.matched:  # odometry may be what misleads
+            again = self._match(points, self._predictor.by_velocity(scan.timestamp))
+            match = again if again.matched else match
+        moved = se2.between(self._T_keyframe_robot, match.pose)
+        self._predictor.moved(scan.timestamp, T_odom_robot, moved, match.matched)
         self._T_keyframe_robot, self._covariance, self._scan = match.pose, match.covariance, scan
         if self._starts_keyframe(scan.timestamp):
             self._predictor.keyframe(T_odom_robot, match.T_returns, match.information)
@@ -153,9 +160,11 @@ class Tracker:
         limit = CHANGE_SIGMAS * self._sensor.range_noise + self._config.tracking.still_distance
         return bool(np.count_nonzero(change > limit) > CHANGED_SHARE * max(len(change), 1))
 
-    def _match(self, points: ScanPoints, prediction: Prediction, prior: Array) -> _Match:
+    def _match(self, points: ScanPoints, prediction: Prediction) -> _Match:
         """Pose and covariance from the prediction and the returns; the prediction where they do not tell."""
         assert self._map is not None
+        transport = se2.adjoint(se2.inverse(prediction.increment))
+        prior = transport @ self._covariance @ transport.T + prediction.covariance
         predicted = se2.compose(self._T_keyframe_robot, prediction.increment)
         unmatched = _Match(predicted, prior, predicted, np.zeros((3, 3)), np.zeros((3, 3)))
         if len(points) < LEAST_POINTS:
