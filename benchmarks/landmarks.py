@@ -55,13 +55,15 @@ def rows_of(found: LandmarkMap, logs: list[SightingLog], label: str, seconds: fl
         position, heading, mounting = nees(robot, log)
         lines.append(
             f"| {label} | {robot.robot} | {e.translation.rmse:.3f} | {np.degrees(e.rotation.rmse):.2f} | "
-            f"{position:.2f} | {heading:.2f} | {mounting:.2f} | {np.sqrt(np.mean(off**2)):.3f} | {off.max():.3f} | {seconds:.0f} |"
+            f"{position:.2f} | {heading:.2f} | {mounting:.2f} | {np.sqrt(np.mean(off**2)):.3f} | {off.max():.3f} | "
+            f"{seconds:.0f} |"
         )
     return lines
 
 
 def mrclam(folder: Path) -> None:
-    print("| run | robot | ATE m | heading deg | NEES position (2) | heading (1) | mounting deg | landmarks rmse m | max m | CPU s |")
+    print("| run | robot | ATE m | heading deg | NEES position (2) | NEES heading (1) | mounting deg | "
+          "landmarks rmse m | max m | CPU s |")  # fmt: skip
     print("| --- | --- | --- | --- | --- | --- | --- | --- | --- | --- |")
     logs = [read_mrclam(folder, n) for n in mrclam_robots(folder)]
     for label, chosen in [*(("alone", [log]) for log in logs), ("merged", logs)]:

@@ -49,7 +49,7 @@ def test_files_and_report(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsy
     assert summary["poses"] == 41
     assert summary["without_landmark"] == 0
     names = sorted(path.name for path in (tmp_path / "out").iterdir())
-    assert names == ["graph.g2o", "landmarks.csv", "landmarks.png", "summary.json", "trajectory.tum"]
+    assert names == ["graph.g2o", "landmarks.csv", "landmarks.png", "report.html", "summary.json", "trajectory.tum"]
     identities, positions = read_landmarks(tmp_path / "out" / "landmarks.csv")
     assert identities == [""] * 5  # numbers counted here mean nothing to other robots
     assert positions.shape == (5, 2)

@@ -20,14 +20,14 @@ from clew.errors import InputError
 from clew.fleet import write_landmarks
 from clew.io import FeatureLog, ensure_output_folder, read_feature_log, write_graph, write_tum
 from clew.slam.landmarks import FeatureMap, map_features
-from clew.view import save_landmarks_png
+from clew.view import report_of_features, save_landmarks_png, write_report
 
 
 def run_features(path: Path, out: Path, identities: bool, json: bool, quiet: bool) -> None:
     """Map a drive with features and write everything into the output folder.
 
-    Writes ``trajectory.tum`` (the key of a pose as its timestamp), ``graph.g2o``, ``landmarks.csv``, ``landmarks.png``
-    and ``summary.json``.
+    Writes ``trajectory.tum`` (the key of a pose as its timestamp), ``graph.g2o``, ``landmarks.csv``, ``landmarks.png``,
+    ``report.html`` and ``summary.json``.
 
     Args:
         path: a file of features (`clew.io.is_feature_log`).
@@ -51,6 +51,7 @@ def run_features(path: Path, out: Path, identities: bool, json: bool, quiet: boo
         found = map_features(log, identities=identities, progress=progress)
     summary = {"log": path.name, **_summary(found, log, given), "version": __version__}
     _write(found, path.name, given, out)
+    write_report(out / "report.html", report_of_features(found, path.name, dict(sorted(log.report.skipped.items()))))
     summary["wall_seconds"] = round(time.perf_counter() - begun, 3)
     write_summary(summary, out / "summary.json")
     if json:
@@ -112,4 +113,4 @@ def _report(summary: dict[str, object], out: Path, console: Console) -> None:
     assert isinstance(skipped, dict)
     if skipped:
         console.print("left out: " + ", ".join(f"{n} {reason}" for reason, n in skipped.items()), highlight=False)
-    console.print(f"look at {out / 'landmarks.png'}; everything else is beside it", highlight=False)
+    console.print(f"look at {out / 'report.html'}; everything else is beside it", highlight=False)

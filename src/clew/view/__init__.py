@@ -21,7 +21,12 @@ if TYPE_CHECKING:
     from clew.view.report.content import Report
     from clew.view.report.page import write_report
     from clew.view.report.run import report_of_run
-    from clew.view.report.solved import report_of_landmarks, report_of_merge, report_of_solution
+    from clew.view.report.solved import (
+        report_of_features,
+        report_of_landmarks,
+        report_of_merge,
+        report_of_solution,
+    )
     from clew.view.residuals import residuals_figure
     from clew.view.scene import Scene, graph_scene, solution_scene
     from clew.view.sparsity import sparsity_figure
@@ -38,7 +43,9 @@ _MODULES = {
     "Report": "report.content",
     "write_report": "report.page",
     "report_of_run": "report.run",
-    **dict.fromkeys(("report_of_landmarks", "report_of_merge", "report_of_solution"), "report.solved"),
+    **dict.fromkeys(
+        ("report_of_features", "report_of_landmarks", "report_of_merge", "report_of_solution"), "report.solved"
+    ),
     "residuals_figure": "residuals",
     **dict.fromkeys(("Scene", "graph_scene", "solution_scene"), "scene"),
     "sparsity_figure": "sparsity",
@@ -56,6 +63,7 @@ __all__ = [
     "error_figure",
     "graph_figure",
     "graph_scene",
+    "report_of_features",
     "report_of_landmarks",
     "report_of_merge",
     "report_of_run",

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from clew.geometry import se2
+from clew.geometry import SE2, SE3, se2
 from clew.noise import Kernel
 from clew.solve import Solution
 from clew.view.report.content import Note, Path, Report
@@ -18,7 +18,7 @@ from clew.view.report.words import counted, duration, listed, metres, number
 
 if TYPE_CHECKING:  # a solve alone shall not load the pipelines
     from clew.fleet import MergedFleet
-    from clew.slam.landmarks import LandmarkMap
+    from clew.slam.landmarks import FeatureMap, LandmarkMap
 
 Array = NDArray[np.float64]
 
@@ -48,7 +48,7 @@ def report_of_solution(solution: Solution, title: str, *, robust: Kernel | None 
 def report_of_merge(merged: MergedFleet) -> Report:
     """What became of a merge of several robots."""
     solution = merged.solution
-    kind = merged.graph.kind(int(merged.keys[0][1][0]))
+    kind = next(kind for kind in solution.kinds if kind in (SE2, SE3))
     keys = np.sort(solution.keys(kind))
     robot = np.zeros(len(keys), np.int64)
     for number_, (_, new) in enumerate(merged.keys):
@@ -111,6 +111,26 @@ def report_of_landmarks(found: LandmarkMap, solution: Solution, title: str, skip
     ]
     left = [Note("Left out: " + listed([f"{n:,} × {reason}" for reason, n in skipped.items()]) + ".", "know")]
     return Report(title, "run", lead, [*graph.notes, *(left if skipped else [])], scene, [graph.section])
+
+
+def report_of_features(found: FeatureMap, title: str, skipped: dict[str, int]) -> Report:
+    """What a robot mapped that saw features, their identities given or found."""
+    times = found.keys.astype(np.float64)
+    graph = view_graph(found.solution, times=times)
+    odometry = _onto(found.T_odom_robot, found.T_world_robot[0])
+    scene = replace(graph.scene, paths=[Path("odometry", "odometry", 0, times, odometry)])
+    way = float(np.hypot(*np.diff(found.T_world_robot[:, :2], axis=0).T).sum())
+    radius = np.sqrt(np.maximum(np.linalg.eigvalsh(found.covariance)[:, -1], 0.0) * CHI2_95[2])
+    how = "given by the log" if found.components is None else "found on the way"
+    lead = [
+        f"The robot drove {metres(way)} and saw {counted(len(found.identity), 'landmark')} "
+        f"{int(found.sightings.sum()):,} times; which landmark is which was {how}.",
+        f"The landmarks are known to ±{metres(float(np.median(radius)))} (95 %, median).",
+    ]
+    none = int(np.sum(found.landmark < 0))
+    left = [f"{n:,} × {reason}" for reason, n in skipped.items()] + [f"{none:,} × sighting of no landmark"] * (none > 0)
+    notes = [Note("Left out: " + listed(left) + ".", "know")] if left else []
+    return Report(title, "run", lead, [*graph.notes, *notes], scene, [graph.section])
 
 
 def _onto(poses: Array, first: Array) -> Array:
