@@ -2,6 +2,7 @@
 
     python benchmarks/backend.py                 the table of Gauss-Newton iterations, and marginals
     python benchmarks/backend.py --scaling       Manhattan worlds from 1,000 to 1,000,000 poses
+    python benchmarks/backend.py --memory        peak memory of a solve against graph and factor
 
 Prints Markdown. A program that is not installed is left out with a line that says so.
 """
@@ -23,7 +24,8 @@ from typing import TypeVar
 
 sys.path.insert(0, str(Path(__file__).parent))
 
-from backend_peers import PEERS, Refused, Run, marginals_clew, marginals_gtsam, repeat, run_clew
+from backend_memory import memory
+from backend_peers import PEERS, Refused, Run, marginals_clew, marginals_gtsam, repeat, run_clew, run_custom
 from backend_worlds import scaling
 
 Result = TypeVar("Result")
@@ -41,12 +43,16 @@ def main() -> None:
     parser.add_argument("--iterations", type=int, default=5)
     parser.add_argument("--repeats", type=int, default=3, help="the fastest of these counts")
     parser.add_argument("--scaling", action="store_true", help="Manhattan worlds instead of the table")
+    parser.add_argument("--memory", action="store_true", help="peak memory instead of the table")
     parser.add_argument("--sizes", type=int, nargs="*", default=[1_000, 10_000, 100_000, 1_000_000])
     options = parser.parse_args()
     if hasattr(os, "sched_setaffinity"):  # one thread for everybody, whatever their defaults
         os.sched_setaffinity(0, {min(os.sched_getaffinity(0))})
     if options.scaling:
         print("\n".join(scaling(options.sizes)))
+        return
+    if options.memory:
+        memory(options.data, {name: GRAPHS[name] for name in options.graphs}, options.sizes)
         return
     with tempfile.TemporaryDirectory() as folder:
         iterations(options, Path(folder))
@@ -59,6 +65,7 @@ def iterations(options: argparse.Namespace, folder: Path) -> None:
           f"iterations from clew's rotation guess, fastest of {options.repeats}), and chi2 at the end.\n")
     header: list[str] | None = None
     ratios: dict[str, list[float]] = {}
+    custom = ""
     for name in options.graphs:
         source = options.data / GRAPHS[name] / f"{name}.g2o"
         if not source.exists():
@@ -83,6 +90,14 @@ def iterations(options: argparse.Namespace, folder: Path) -> None:
             header = ["graph", *(cell for program in programs for cell in (f"{program}, ms", "chi2"))]
             print("| " + " | ".join(header) + " |\n|" + " --- |" * len(header))
         print("| " + " | ".join(cells) + " |", flush=True)
+        if name == "manhattan":
+            python = fastest(run_custom, files["radians"], solid, options)
+            assert isinstance(python, Run)
+            custom = ("\nmanhattan with the between factor written in NumPy: "
+                      f"{1e3 * python.seconds_per_iteration:.2f} ms, "
+                      f"{python.seconds_per_iteration / own.seconds_per_iteration:.1f}x, chi2 {python.chi2:.7g}.")
+    if custom:
+        print(custom)
     for peer, values in ratios.items():
         mean = math.exp(sum(map(math.log, values)) / len(values))
         print(f"\n{peer}: geometric mean {mean:.1f} times clew's time over {len(values)} graphs.")

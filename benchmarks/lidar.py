@@ -2,6 +2,8 @@
 
     python benchmarks/lidar.py                       # the real logs of ../shared/data/lidar
     python benchmarks/lidar.py intel --output out    # one of them; everything that the runs wrote is kept in out/
+    python benchmarks/lidar.py --no-odometry         # from the scans alone
+    python benchmarks/lidar.py --odometry-noise 2    # noise and slips that make the log's odometry twice as bad
     python benchmarks/lidar.py --simulated           # worlds with known truth
     python benchmarks/lidar.py --simulated office loop --seeds 1 2 3
     python benchmarks/lidar.py --simulated office --people 10 --doors
@@ -22,14 +24,17 @@ import subprocess
 import sys
 import tempfile
 import time
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from rich.console import Console
 from scipy.spatial import cKDTree
 
+from clew.cli.mapping_job import JobOptions, map_log
 from clew.cli.self_evaluation import SelfEvaluation, evaluate_self, in_plane
 from clew.evaluate import (
     PairErrors,
@@ -40,9 +45,11 @@ from clew.evaluate import (
     relations_from_reference,
 )
 from clew.geometry import se2
-from clew.io import open_log, read_tum
+from clew.io import Log, open_log, read_tum
 from clew.mapping import moving_returns
-from clew.sim import KINDS, SimulatedLog, simulate_kind, write_carmen
+from clew.motion import Odometry
+from clew.scan import LaserScan
+from clew.sim import KINDS, OdometryModel, SimulatedLog, Slips, disturbed, simulate_kind, write_carmen
 
 Array = NDArray[np.float64]
 
@@ -81,11 +88,12 @@ class Run:
 RUN_COLUMNS = ["keyframes", "closures accepted / rejected", "wall s", "× real time", "peak MB"]
 
 
-def run_clew(log: Path, folder: Path) -> Run:
+def run_clew(log: Path, folder: Path, *options: str) -> Run:
     """Run `clew run` on a log in a process of its own; ends the benchmark with its message where it fails."""
     folder.mkdir(parents=True, exist_ok=True)
     messages = folder / "messages.txt"
-    command = [sys.executable, "-c", "from clew.cli import main; main()", "run", str(log), "-o", str(folder)]
+    command = [sys.executable, "-c", "from clew.cli import main; main()", "run", str(log), "-o", str(folder),
+               *options]
     with messages.open("wb") as file:
         began = time.perf_counter()
         process = subprocess.Popen(command, stdout=file, stderr=subprocess.STDOUT)
@@ -95,6 +103,31 @@ def run_clew(log: Path, folder: Path) -> Run:
     if process.returncode != 0:
         raise SystemExit(f"clew run {log} failed with {process.returncode}:\n{messages.read_text()[-2000:]}")
     return Run(folder, json.loads((folder / "summary.json").read_text()), wall, usage.ru_maxrss / MEGABYTE)
+
+
+class Disturbed:
+    """A recorded log whose odometry is so many times as bad as a run of it as it is has found it to be."""
+
+    def __init__(self, log: Log, worse: float, found: dict[str, Any], seed: int = 1) -> None:
+        metre, radian = found["noise_per_sqrt_metre"], found["noise_per_sqrt_radian"]
+        more = (worse**2 - 1) ** 0.5  # variances add up
+        self._noise = OdometryModel(sigma_distance=more * metre["forward"], sigma_side=more * metre["sideways"],
+                                    sigma_turn=more * radian["turn"], sigma_drift=more * metre["turn"])
+        self._log, self._seed = log, seed
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._log, name)
+
+    def measurements(self) -> Iterator[LaserScan | Odometry]:
+        return disturbed(self._log, self._noise, self._seed, Slips())
+
+
+def run_disturbed(log: Path, folder: Path, worse: float) -> Run:
+    """Run a log with worse odometry, in this process; time and memory are not those of the command."""
+    plain = run_clew(log, folder / "plain")
+    result = map_log(Disturbed(open_log(log), worse, plain.summary["sensor"]["odometry"]),
+                     JobOptions(folder, log.name), Console(quiet=True))
+    return Run(folder, result.summary, float(str(result.summary["wall_seconds"])), float("nan"))
 
 
 def closure_precision(folder: Path, log: SimulatedLog) -> tuple[int, int]:
@@ -144,7 +177,7 @@ def self_cells(of_itself: SelfEvaluation) -> list[str]:
             f"{100 * of_itself.spread.median:.2f}"]
 
 
-def real_logs(names: list[str], data: Path, output: Path) -> None:
+def real_logs(names: list[str], data: Path, output: Path, worse: float, odometry: bool) -> None:
     """Print the table of the real logs."""
     rows = []
     for name in names:
@@ -153,7 +186,10 @@ def real_logs(names: list[str], data: Path, output: Path) -> None:
         for path in (reference, log):
             if not path.is_file():
                 raise SystemExit(f"{path} is missing: give the folder of the logs with --data")
-        run = run_clew(log, output / name)
+        if worse > 1.0:
+            run = run_disturbed(log, output / name, worse)
+        else:
+            run = run_clew(log, output / name, *([] if odometry else ["--no-odometry"]))
         trajectory = read_tum(run.folder / "trajectory.tum")
         relations = relations_from_reference(*read_tum(reference))
         kinds = {"all": relations, "near": relations.select(~relations.revisit),
@@ -232,6 +268,9 @@ def main() -> None:
     parser.add_argument("--duration", type=float, default=400.0, help="of the simulated drives, seconds")
     parser.add_argument("--people", type=int, default=0, help="who walk through the simulated worlds")
     parser.add_argument("--doors", action="store_true", help="doors of the simulated offices open and close")
+    parser.add_argument("--odometry-noise", type=float, default=1.0, metavar="TIMES",
+                        help="make the odometry of the real logs so many times as bad")
+    parser.add_argument("--no-odometry", dest="odometry", action="store_false", help="real logs from scans alone")
     options = parser.parse_args()
     available = KINDS if options.simulated else LOGS
     names = options.names or list(available)
@@ -242,7 +281,7 @@ def main() -> None:
         if options.simulated:
             simulated_logs(names, options.seeds, options.duration, options.people, options.doors, output)
         else:
-            real_logs(names, options.data, output)
+            real_logs(names, options.data, output, options.odometry_noise, options.odometry)
 
 
 if __name__ == "__main__":

@@ -6,13 +6,8 @@
 
 What is counted, all against the truth of the simulation:
 
-- A closure is *right* if its relative pose is within 0.15 m and 2 degrees of the truth, or if it misses by more only in
-  directions of which it says itself that it does not know them: its error lies within the 99.9 % ellipsoid of its own
-  covariance, the one that the graph uses. Of how many the latter is true is told ("partial").
-- A *revisit* is a place on the way of the robot that lies within 2 m of one passed 15 m of way ago or more, and from
-  which at least 60 % of the returns lie within 0.3 m of returns taken about that older one. Revisits that follow each
-  other are cut into stretches of 5 m (shorter than 1.5 m do not count), and *recall* is the share of stretches in which
-  a right closure begins.
+- Right closures ("partial": those that are right only in the directions that they claim to know), revisits and recall
+  are as in `benchmarks/revisits.py`: within 0.15 m and 2 degrees; stretches of 5 m on which a place is seen again.
 - *Doubled* is the relative pose between visits of a revisit in the final trajectory against the truth, 95 % of them
   being better. A map is *broken* if that is more than 0.5 m or 5 degrees, or if the trajectory is off by more than 2 %
   of its length (RMSE).
@@ -23,22 +18,17 @@ from __future__ import annotations
 import argparse
 import sys
 import time
-from collections.abc import Iterator
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 
 from clew.evaluate import absolute_trajectory_error
 from clew.geometry import se2
-from clew.place import Closure
 from clew.scan import extract_points
-from clew.sim import LaserModel, OdometryModel, SimulatedLog, simulate_kind
+from clew.sim import LaserModel, OdometryModel, simulate_kind
 from clew.slam import Slam
-
-Array = NDArray[np.float64]
+from revisits import judge, recall, revisits
 
 #: Kinds of worlds and how long the robot drives there, seconds.
 KINDS = {"office": 300.0, "alike": 300.0, "doors": 380.0, "hall": 240.0, "loop": 420.0, "campus": 420.0}
@@ -48,12 +38,6 @@ QUALITIES = {"good": OdometryModel.good(), "poor": OdometryModel.bad(), "worse":
 LASER = LaserModel(beams=181, range_max=25.0)
 RATE = 3.0  # Hz
 
-RIGHT_DISTANCE, RIGHT_ANGLE = 0.15, np.radians(2.0)
-ELLIPSOID = 16.27  # 99.9 % of a chi-square variable with three degrees of freedom
-NEAR, AGO = 2.0, 15.0  # metres
-ABOUT = 8  # keyframes before and after
-TOUCH, OVERLAP = 0.3, 0.6  # metres, share
-STRETCH, SHORTEST = 5.0, 1.5  # metres
 BROKEN_DISTANCE, BROKEN_ANGLE, BROKEN_SHARE = 0.5, np.radians(5.0), 0.02
 
 
@@ -69,7 +53,7 @@ class Outcome:
         broken: whether the map is.
         right, partial, closures: right closures, those among them that know only some directions, all.
         closed, revisits: stretches.
-        wrong: what is to be told of wrong closures.
+        wrong, missed: what is to be told of wrong closures and of stretches without a right one.
         seconds: of CPU for the estimate.
     """
 
@@ -99,16 +83,15 @@ def run(kind: str, quality: str, seed: int) -> Outcome:
         slam.add(measurement)
     slam.refine()
     seconds = time.process_time() - began
-    stamps = slam.keyframes.timestamps
+    stamps = slam.every_keyframe.timestamps
     rows = np.searchsorted(log.timestamps, stamps)
     truth = log.T_world_robot[rows]
     path = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(log.T_world_robot[:, :2], axis=0).T))])[rows]
     right, partial, wrong = judge(slam.closures, truth)
-    again, before = revisits(log, rows, truth, path)
-    stretches = list(stretches_of(path, again))
+    again, before = revisits(lambda k: extract_points(log.scan(int(rows[k]))).points, truth, path)
     begins = path[[c.source for c, good in zip(slam.closures, right, strict=True) if good]]
-    open_ = [(a, b) for a, b in stretches if not ((begins >= a - 1.0) & (begins <= b + 1.0)).any()]
-    estimate = slam.keyframes.T_world_robot
+    stretches, missed = recall(path, again, begins)
+    estimate = slam.every_keyframe.T_world_robot
     miss = se2.between(se2.between(truth[before], truth[again]), se2.between(estimate[before], estimate[again]))
     doubled = float(np.quantile(np.hypot(miss[:, 0], miss[:, 1]), 0.95)) if len(again) else 0.0
     bent = float(np.quantile(np.abs(miss[:, 2]), 0.95)) if len(again) else 0.0
@@ -117,67 +100,8 @@ def run(kind: str, quality: str, seed: int) -> Outcome:
     reckoned = absolute_trajectory_error(*poses, log.timestamps, log.T_odom_robot).translation.rmse
     broken = doubled > BROKEN_DISTANCE or bent > BROKEN_ANGLE or ate > BROKEN_SHARE * path[-1]
     return Outcome(kind, quality, seed, reckoned, ate, doubled, bool(broken), int(right.sum()), int(partial.sum()),
-                   len(right), len(stretches) - len(open_), len(stretches), tuple(wrong),
-                   tuple(f"{a:.0f}-{b:.0f} m" for a, b in open_), seconds)
-
-
-def judge(closures: list[Closure], truth: Array) -> tuple[NDArray[np.bool_], NDArray[np.bool_], list[str]]:
-    """Which closures are right, which of these only where they claim to know, and words on the others."""
-    if not closures:
-        return np.zeros(0, np.bool_), np.zeros(0, np.bool_), []
-    source, target = (np.array([getattr(c, end) for c in closures]) for end in ("source", "target"))
-    measured = np.stack([c.T_target_source for c in closures])
-    error = se2.between(se2.between(truth[target], truth[source]), measured)
-    information = np.stack([c.information for c in closures])
-    squared = np.einsum("mi,mij,mj->m", error, information, error)
-    near = (np.hypot(error[:, 0], error[:, 1]) <= RIGHT_DISTANCE) & (np.abs(error[:, 2]) <= RIGHT_ANGLE)
-    right = near | (squared <= ELLIPSOID)
-    wrong = [f"{source[i]}->{target[i]} off {error[i, 0]:+.2f} {error[i, 1]:+.2f} m {np.degrees(error[i, 2]):+.1f} deg "
-             f"(chi2 {squared[i]:.0f}, moved {closures[i].innovation[0]:.2f} m)" for i in np.flatnonzero(~right)]
-    return right, right & ~near, wrong
-
-
-def revisits(log: SimulatedLog, rows: NDArray[np.int64], truth: Array, path: Array) -> tuple[NDArray[np.int64], ...]:
-    """Keyframes that see an older place again, and the keyframe nearest to them there."""
-    clouds: dict[int, Array] = {}
-    trees: dict[int, cKDTree] = {}
-
-    def cloud(k: int) -> Array:
-        if k not in clouds:
-            clouds[k] = extract_points(log.scan(int(rows[k]))).points
-        return clouds[k]
-
-    def tree(k: int) -> cKDTree:
-        if k not in trees:
-            about = range(max(0, k - ABOUT), min(len(rows), k + ABOUT + 1))
-            trees[k] = cKDTree(np.concatenate([se2.act(truth[m], cloud(m)) for m in about]))
-        return trees[k]
-
-    again, before = [], []
-    for k in range(len(rows)):
-        older = int(np.searchsorted(path, path[k] - AGO, side="right"))
-        distance = np.hypot(*(truth[:older, :2] - truth[k, :2]).T)
-        if not len(distance) or distance.min() > NEAR:
-            continue
-        nearest = int(np.argmin(distance))
-        gap, _ = tree(nearest).query(se2.act(truth[k], cloud(k)), distance_upper_bound=TOUCH)
-        if np.isfinite(gap).mean() >= OVERLAP:
-            again.append(k)
-            before.append(nearest)
-    return np.array(again, dtype=np.int64), np.array(before, dtype=np.int64)
-
-
-def stretches_of(path: Array, again: NDArray[np.int64]) -> Iterator[tuple[float, float]]:
-    """Begin and end, in metres of path, of stretches on which a robot sees known places."""
-    for part in np.split(again, np.flatnonzero(np.diff(again) > 3) + 1):
-        if not len(part):
-            continue
-        begin, end = float(path[part[0]]), float(path[part[-1]])
-        if end - begin < SHORTEST:
-            continue
-        count = max(round((end - begin) / STRETCH), 1)
-        borders = np.linspace(begin, end, count + 1).tolist()
-        yield from zip(borders[:-1], borders[1:], strict=True)
+                   len(right), stretches - len(missed), stretches, tuple(wrong),
+                   tuple(f"{a:.0f}-{b:.0f} m" for a, b in missed), seconds)
 
 
 COLUMNS = ["world", "odometry", "runs", "odometry ATE m", "ATE m: median", "worst", "doubled m: worst",

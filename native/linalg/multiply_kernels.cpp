@@ -12,10 +12,10 @@ using linalg::Product;
 
 // Packing copies operands into the order in which tiles read them; blocks are sized for L1 (a panel of B) and L2
 // (a block of A).
-constexpr int kDepthBlock = 256;
+constexpr int kDepthBlock = 192;
 constexpr int kPackedRows = kTileRows * kWidth;
 constexpr int kRowBlock = 240 / kPackedRows * kPackedRows;
-constexpr int kColBlock = 256;
+constexpr int kColBlock = 96;
 constexpr int64_t kPackedFrom = 24 * 1024;  // doubles of A above which packing pays
 
 struct Operands {

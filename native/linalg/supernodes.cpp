@@ -77,6 +77,35 @@ private:
     std::vector<int32_t> merged_into_, child_, sibling_;
 };
 
+// Scalar columns after which a supernode is cut: the pieces pass on what one large front would have held at once.
+constexpr int64_t kWidest = 192;
+
+// The same supernodes, wide ones in pieces that follow each other; children hang on the first piece.
+Supernodes cut(const Supernodes& whole, const BlockGraph& graph, const EliminationTree& tree) {
+    Supernodes out;
+    out.members = whole.members;
+    std::vector<int32_t> first(whole.parent.size());
+    for (int32_t s = 0; s < whole.count(); ++s) {
+        first[s] = out.count();
+        int64_t width = kWidest;
+        for (int32_t k = whole.member_starts[s]; k < whole.member_starts[s + 1]; ++k) {
+            const int32_t weight = graph.weights[tree.order[whole.members[k]]];
+            if (width + weight > kWidest) {
+                width = 0;
+                out.member_starts.push_back(k);
+                out.parent.push_back(out.count() + 1);
+            }
+            width += weight;
+        }
+    }
+    out.member_starts.push_back(static_cast<int32_t>(out.members.size()));
+    for (int32_t s = 0; s < whole.count(); ++s) {
+        const int32_t last = (s + 1 < whole.count() ? first[s + 1] : out.count()) - 1;
+        out.parent[last] = whole.parent[s] == -1 ? -1 : first[whole.parent[s]];
+    }
+    return out;
+}
+
 }  // namespace
 
 Supernodes amalgamate(const BlockGraph& graph, const EliminationTree& tree) {
@@ -133,7 +162,7 @@ Supernodes amalgamate(const BlockGraph& graph, const EliminationTree& tree) {
     out.members.resize(n);
     std::vector<int32_t> place(out.member_starts.begin(), out.member_starts.end() - 1);
     for (int32_t j = 0; j < n; ++j) out.members[place[number[j]]++] = j;
-    return out;
+    return cut(out, graph, tree);
 }
 
 }  // namespace clew::linalg

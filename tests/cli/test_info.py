@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 from pathlib import Path
 
 import numpy as np
@@ -121,6 +122,15 @@ def test_what_is_of_no_kind_is_refused_in_one_line(make: object, tmp_path: Path,
     done = clew_command("info", path)
     assert_refused(done)
     assert path.name in done.err
+
+
+def test_pipes_and_folders_of_no_kind_are_refused(tmp_path: Path, clew_command: Command) -> None:
+    os.mkfifo(tmp_path / "pipe")
+    kinds = ((tmp_path / "pipe", "is a pipe"), (Path("/dev/null"), "device"), (tmp_path, "a folder that is no"))
+    for path, word in kinds:
+        done = clew_command("info", path)
+        assert_refused(done)
+        assert word in done.err
 
 
 def test_several_files_make_a_list(tmp_path: Path, clew_command: Command) -> None:

@@ -11,10 +11,14 @@ from pathlib import Path
 from urllib.parse import urlsplit
 
 import pytest
+from rich.console import Console
 
+from clew.cli.mapping_job import JobOptions, map_log
 from clew.sim import write_carmen
+from clew.view.live import BrowserViewer
 from cli.commands import PROGRAM, Command, drive, environment
 from cli.test_bad_input import assert_refused
+from cli.test_interrupt import Stopped
 
 ADDRESS = re.compile(r"live view: (http://127\.0\.0\.1:\d+/[\w-]{32,}/)\n")
 
@@ -84,3 +88,11 @@ def test_page_that_is_kept_is_served_until_interrupt(log: Path, tmp_path: Path) 
         process.kill()
     assert process.returncode == 0
     assert out == ""
+
+
+def test_run_that_is_stopped_says_so_on_the_page(tmp_path: Path) -> None:
+    with BrowserViewer() as viewer:
+        map_log(Stopped(20), JobOptions(tmp_path, "stopped"), Console(quiet=True), viewer=viewer)
+        frame = viewer.feed.newest()
+    assert (frame.stage, frame.last, frame.scans) == ("interrupted", True, 20)
+    assert viewer.feed.newest().stage == "interrupted"

@@ -64,7 +64,10 @@ COMMANDS = [(page, line, words) for page in PAGES for line, words in pages.comma
 def understood(words: list[str]) -> None:
     """Raise unless a command line names a command and options that exist; files need not."""
     group: Any = typer.main.get_command(app)
-    context = group.make_context("clew", words[:1] if words[0].startswith("-") else [*words], resilient_parsing=False)
+    if words[0].startswith("-"):  # such options act at once: look for them, and do not call them
+        assert words[0] in {name for parameter in group.params for name in parameter.opts}
+        return
+    context = group.make_context("clew", [*words])
     name, command, rest = group.resolve_command(context, [*words])
     assert command is not None, name
     command.make_context(name, rest, parent=context)

@@ -66,6 +66,31 @@ def test_a_grid_with_large_fronts(size: int, ordering: str) -> None:
     close(factor.joint_covariance(chosen), inverse[np.ix_(index, index)], 1e-10)
 
 
+def test_storage_is_hardly_more_than_the_triangle() -> None:
+    """Triangles of pivots have no gaps, and update matrices share few places."""
+    side = 40
+    number = np.arange(side * side).reshape(side, side)
+    pairs = np.concatenate([np.stack([number[:, :-1].ravel(), number[:, 1:].ravel()]),
+                            np.stack([number[:-1].ravel(), number[1:].ravel()])], axis=1)
+    symbolic = analyse(BlockPattern.from_pairs(np.full(side * side, 6), *pairs), ordering="amd")
+    assert 8 * symbolic.factor_nonzeros <= symbolic.factor_bytes <= 1.05 * 8 * symbolic.factor_nonzeros
+    assert symbolic.memory_bytes < 1.35 * symbolic.factor_bytes
+
+
+def test_a_dense_matrix_is_cut_into_several_fronts() -> None:
+    """Wide supernodes are eliminated in pieces; variables of many sizes do not end where pieces do."""
+    sizes = np.resize([6, 3, 2, 1, 7], 160)
+    first, second = np.tril_indices(len(sizes), -1)
+    pattern = BlockPattern.from_pairs(sizes, first, second)
+    symbolic = analyse(pattern, ordering="natural")
+    assert symbolic._symbolic.fronts >= 3
+    values = random_information(pattern, np.random.default_rng(3))
+    inverse = np.linalg.inv(dense(pattern, values))
+    factor = symbolic.factorize(values)
+    close(factor.solve(np.ones(pattern.dim)), inverse.sum(axis=1))
+    close(factor.marginal_blocks([[159, 0]]), inverse[-7:, :6].ravel())
+
+
 @pytest.mark.parametrize("dim", [1, 8, 9, 63, 64, 65, 200, 521])
 def test_one_dense_variable(dim: int) -> None:
     rng = np.random.default_rng(dim)

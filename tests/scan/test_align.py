@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from clew.geometry import se2
 from clew.scan import Alignment, AlignmentOptions, ScanPoints, SourceClouds, align, index_cloud, join
+from clew.sim.world import pillar
 from scan import twins
 from scan.clouds import CORRIDOR, EMPTY, ROOM, cloud_of, random_cloud
 
@@ -151,3 +152,20 @@ def test_normals_keep_the_two_sides_of_a_wall_apart() -> None:
     behind = ScanPoints(seen.points, -seen.normals, seen.along, seen.weights)
     assert single(seen, seen, np.zeros(3)).overlap[0] == 1.0
     assert single(seen, behind, np.zeros(3)).overlap[0] == 0.0
+
+
+@pytest.mark.parametrize("people", [2, 5])
+def test_a_scan_full_of_people_weighs_less(people: int) -> None:
+    """They have no partner in the map: what is left of the scan decides, and the information says how much that is."""
+    truth = np.array([0.3, -0.2, 0.4])
+    target = cloud_of(ROOM, np.zeros(3), sigma=0.005)
+    around = 2 * np.pi * np.arange(people) / people
+    crowd = [pillar(truth[0] + 1.2 * np.cos(a), truth[1] + 1.2 * np.sin(a), 0.25, 24) for a in around]
+    alone, crowded = (single(target, cloud_of(world, truth, sigma=0.005, seed=1), truth)
+                      for world in (ROOM, np.concatenate([ROOM, *crowd])))
+    hidden = people * 2 * np.arcsin(0.25 / 1.2) / (2 * np.pi)  # share of the view
+    ratio = np.linalg.det(crowded.information[0]) / np.linalg.det(alone.information[0])
+    assert ratio < (1 - 0.5 * hidden) ** 3
+    off = se2.between(truth, crowded.T_target_source[0])
+    assert np.hypot(off[0], off[1]) < 0.01
+    assert abs(off[2]) < 0.004

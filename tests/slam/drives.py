@@ -60,6 +60,6 @@ def errors(estimate: Array, truth: Array) -> tuple[Array, Array]:
 
 def closure_error(closure: Closure, slam: Slam, log: SimulatedLog) -> Array:
     """What a closure measured seen from the truth, ``(3,)``."""
-    stamps = slam.keyframes.timestamps[[closure.target, closure.source]]
+    stamps = slam.every_keyframe.timestamps[[closure.target, closure.source]]
     target, source = log.T_world_robot[np.searchsorted(log.timestamps, stamps)]
     return se2.between(se2.between(target, source), closure.T_target_source)

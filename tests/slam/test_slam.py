@@ -64,6 +64,10 @@ def test_one_pose_a_scan_and_one_vertex_a_keyframe() -> None:
     assert 40 < count < log.scan_count
     assert np.isin(slam.keyframes.timestamps, log.timestamps).all()
     np.testing.assert_array_equal(slam.graph.values(SE2).array, slam.keyframes.T_world_robot)
+    solution = slam.solution()
+    np.testing.assert_array_equal(solution.values().array, slam.keyframes.T_world_robot)
+    assert (np.diagonal(solution.covariances()[1:], axis1=1, axis2=2) > 0).all()
+    assert len(slam.keyframe_points) == count
     at = np.searchsorted(slam.trajectory.timestamps, slam.keyframes.timestamps)
     np.testing.assert_allclose(slam.trajectory.T_world_robot[at], slam.keyframes.T_world_robot, atol=1e-12)
     by_role = {role: sum(len(b) for b in slam.graph.blocks() if b.role is role) for role in Role}

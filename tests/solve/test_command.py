@@ -63,6 +63,16 @@ def test_text_tells_shape_costs_and_what_was_left_out(square: Path) -> None:
     assert "Converged" in text
 
 
+def test_vertices_that_are_defined_twice_or_never_are_told(tmp_path: Path) -> None:
+    lines = ["VERTEX_SE2 0 0 0 0", "VERTEX_SE2 1 1 0 0", "VERTEX_SE2 1 5 0 0",
+             "EDGE_SE2 0 1 1 0 0 1 0 0 1 0 1", "EDGE_SE2 1 7 1 0 0 1 0 0 1 0 1"]
+    path = tmp_path / "graph.g2o"
+    path.write_text("\n".join(lines))
+    text = run(path)
+    assert "1 lines define a vertex again (first in line 3)" in text
+    assert "1 vertices are only mentioned by edges (7)" in text
+
+
 def test_results_are_written(square: Path, tmp_path: Path) -> None:
     result, table = tmp_path / "out.g2o", tmp_path / "marginals.csv"
     run(square, "-o", result, "--marginals", table)

@@ -160,6 +160,9 @@ def test_sparsity_shows_matrix_and_fill() -> None:
     assert (images[2] == 2).sum() == 11  # what the matrix has below its diagonal, with it
     assert (images[2] == 1).sum() == 10  # the fill
     assert "21 blocks, 1e+02 % of a triangle" in words(figure)
+    last = np.asarray(sparsity_figure(analyse(arrow(6), ordering="amd")).axes[1].images[0].get_array())
+    assert last[-2:].astype(bool).sum(axis=1).max() == 6  # the hub is eliminated at the end, or but one
+    assert not last[0, 1:4].any()
     large = sparsity_figure(analyse(arrow(3000)))
     assert np.asarray(large.axes[0].images[0].get_array()).shape == (560, 560)
 

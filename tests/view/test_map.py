@@ -94,8 +94,8 @@ def test_a_picture_that_cannot_be_written_is_an_input_error(tmp_path: Path) -> N
 
 
 def test_clew_and_mapping_do_not_load_matplotlib() -> None:
-    code = "import sys, clew, clew.mapping; assert 'matplotlib' not in sys.modules; import clew.view; " \
-           "assert 'matplotlib' in sys.modules and 'matplotlib.pyplot' not in sys.modules"
+    code = "import sys, clew, clew.mapping, clew.view; assert 'matplotlib' not in sys.modules; " \
+           "clew.view.save_map_png; assert 'matplotlib' in sys.modules and 'matplotlib.pyplot' not in sys.modules"
     subprocess.run([sys.executable, "-c", code], check=True, env={"PYTHONPATH": ":".join(sys.path)})
 
 

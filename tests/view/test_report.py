@@ -6,6 +6,8 @@ import base64
 import io
 import json
 import re
+import subprocess
+import sys
 from html.parser import HTMLParser
 from pathlib import Path
 
@@ -27,6 +29,7 @@ from clew.view.report.content import Report
 from clew.view.report.encode import LEVELS, pack_grid, pack_scans
 from clew.view.report.page import render
 from clew.view.report.words import counted, duration, key_name, listed, metres
+from cli.commands import environment
 
 DATA = Path(__file__).parents[2] / ".." / "shared" / "data"
 
@@ -238,3 +241,10 @@ def test_city_fits_into_two_megabytes() -> None:
         pytest.skip(f"needs {path.name} of the shared data")
     page = render(report_of_solution(optimize(read_graph(path).graph), path.name))
     assert len(page) < 2e6
+
+
+def test_a_report_of_a_solve_loads_neither_matplotlib_nor_the_pipelines() -> None:
+    script = ("import sys; from clew.view import report_of_solution, write_report; "
+              "print(sorted({'matplotlib', 'clew.slam', 'clew.fleet', 'scipy.stats'} & set(sys.modules)))")
+    done = subprocess.run([sys.executable, "-c", script], env=environment(), capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "[]"

@@ -14,16 +14,16 @@ from clew.view import DARK, Scene, before_after_figure, graph_figure, graph_scen
 from clew.view.ellipses import readable_ellipses
 from view.pictures import close_to, pixels_of
 
-QUARTER = np.pi / 2
+TURN = 0.5
 
 
 def small_graph() -> tuple[clew.FactorGraph, np.ndarray]:
-    """Two poses, the second looks along y; a landmark; a closure that nobody can believe."""
+    """Two poses, the second turned to the left; a landmark; a closure that nobody can believe."""
     graph = clew.FactorGraph()
-    keys = graph.add_pose(clew.SE2.from_array(np.array([[0.0, 0.0, 0.0], [1.0, 0.0, QUARTER]])))
+    keys = graph.add_pose(clew.SE2.from_array(np.array([[0.0, 0.0, 0.0], [1.0, 0.0, TURN]])))
     point = graph.add_point(np.array([2.0, 1.0]))
     graph.add(clew.Prior(keys[0], clew.SE2.identity(), sigmas=1e-6))
-    graph.add(clew.Between(keys[0], keys[1], clew.SE2(1.0, 0.0, QUARTER), sigmas=(0.3, 0.1, 0.01)))
+    graph.add(clew.Between(keys[0], keys[1], clew.SE2(1.0, 0.0, TURN), sigmas=(0.3, 0.1, 0.01)))
     graph.add(clew.PointObservation(keys[0], point, np.array([2.0, 1.0]), sigmas=(0.2, 0.4)))
     graph.add(clew.Between(keys[0], keys[1], clew.SE2(90.0, 0.0, 0.0), sigmas=0.1, role="loop", kernel=clew.DCS()))
     return graph, keys
@@ -39,9 +39,11 @@ def test_a_solution_is_drawn_where_it_is_with_covariances_in_the_world() -> None
     np.testing.assert_allclose(scene.edges["observation"], [[scene.poses[0], scene.landmarks[0]]])
     assert scene.pose_covariances is not None
     assert scene.point_covariances is not None
-    # The residual of a relative pose is in the frame of the second pose, which looks along y of the world: its
-    # 0.3 m along x lie along y there.
-    np.testing.assert_allclose(scene.pose_covariances[1], np.diag([0.01, 0.09]), rtol=0.02, atol=1e-4)
+    # The residual of a relative pose is in the frame of the second pose, which is turned: its 0.3 m lie
+    # along the direction in which that one looks.
+    ahead, left = np.array([[np.cos(TURN), np.sin(TURN)], [-np.sin(TURN), np.cos(TURN)]])
+    expected = 0.09 * np.outer(ahead, ahead) + 0.01 * np.outer(left, left)
+    np.testing.assert_allclose(scene.pose_covariances[1], expected, rtol=0.02, atol=1e-4)
     np.testing.assert_allclose(scene.point_covariances[0], np.diag([0.04, 0.16]), rtol=1e-3, atol=1e-9)
     assert solution_scene(solution, covariances=False).pose_covariances is None
 
@@ -75,7 +77,9 @@ def test_before_and_after_share_one_scale(tmp_path: Path) -> None:
     small = Scene(np.array([[0.0, 0.0], [5.0, 0.0]]), {"odometry": np.array([[[0.0, 0.0], [5.0, 0.0]]])})
     large = Scene(np.array([[0.0, 0.0], [10.0, 0.0]]), {"odometry": np.array([[[0.0, 0.0], [10.0, 0.0]]])})
     save_figure(before_after_figure(small, large, theme=DARK), tmp_path / "g.png")
-    part = pixels_of(tmp_path / "g.png")[100:-120]
+    picture = pixels_of(tmp_path / "g.png")
+    assert picture.shape[1] <= 1800 + 4 * 40 + 40  # two graphs, their margins and what is between them
+    part = picture[100:-120]
     half = part.shape[1] // 2
     lengths = [np.ptp(np.nonzero(close_to(side, DARK.trajectory, 40))[1]) for side in (part[:, :half], part[:, half:])]
     assert lengths[1] == pytest.approx(2 * lengths[0], abs=4)

@@ -116,6 +116,25 @@ def _finish(
     return 0
 
 
+def sensor_lines(sensor: dict[str, dict[str, object]]) -> list[str]:
+    """What the log has told about its sensors, in a few lines."""
+    laser = sensor["laser"]
+    lines = [
+        f"laser: {laser['beams']} beams over {laser['field_of_view_deg']:g} degrees, "
+        f"{laser['scans_per_second']} scans a second, range noise {1000 * float(str(laser['range_noise_m'])):.0f} mm"
+    ]
+    if odometry := sensor.get("odometry"):
+        metre, radian = odometry["noise_per_sqrt_metre"], odometry["noise_per_sqrt_radian"]
+        assert isinstance(metre, dict)
+        assert isinstance(radian, dict)
+        lines.append(
+            f"odometry: off by {100 * metre['forward']:.1f} cm forwards, {100 * metre['sideways']:.1f} cm sideways and "
+            f"{np.degrees(metre['turn']):.2f} degrees after a metre, {np.degrees(radian['turn']):.1f} degrees after a "
+            "radian (standard deviations)"
+        )
+    return [*lines, *(str(doubt) for doubt in sensor.get("doubts", []))]
+
+
 def _report(summary: dict[str, object], out: Path, log: Records, console: Console) -> None:
     """The outcome in a few lines."""
     console.print(
@@ -133,9 +152,13 @@ def _report(summary: dict[str, object], out: Path, log: Records, console: Consol
         f"{summary['peak_memory_mb']} MB",
         highlight=False,
     )
+    sensor = summary["sensor"]
+    assert isinstance(sensor, dict)
+    for line in sensor_lines(sensor):
+        console.print(line, highlight=False)
     skipped = summary["skipped"]
     assert isinstance(skipped, dict)
     if skipped:
         listed = ", ".join(f"{count} {reason}" for reason, count in skipped.items())
         console.print(f"left out: {listed}", highlight=False)
-    console.print(f"look at {out / 'report.html'}; everything else is beside it", highlight=False)
+    console.print(f"look at {out / 'report.html'} (clew view {out}); the rest is beside it", highlight=False)

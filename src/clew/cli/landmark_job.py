@@ -30,6 +30,7 @@ from clew.io import (
     write_tum,
 )
 from clew.slam.landmarks import LandmarkMap, map_landmarks
+from clew.solve import optimize
 from clew.view import report_of_landmarks, save_landmarks_png, write_report
 
 
@@ -65,8 +66,10 @@ def run_landmarks(folder: Path, out: Path, robot: int | None, json: bool, quiet:
     summary = {"log": folder.name, **_summary(found, logs, survey), "version": __version__}
     summary["wall_seconds"] = round(time.perf_counter() - begun, 3)
     _write(found, folder.name, out)
-    skipped: dict[str, int] = dict(sum((log.report.skipped for log in logs), Counter()))
-    write_report(out / "report.html", report_of_landmarks(found, folder.name, dict(sorted(skipped.items()))))
+    skipped = summary["skipped"]
+    assert isinstance(skipped, dict)
+    solution = optimize(found.graph, init="file", max_iterations=0)
+    write_report(out / "report.html", report_of_landmarks(found, solution, folder.name, skipped))
     write_summary(summary, out / "summary.json")
     if json:
         sys.stdout.write(json_.dumps(summary) + "\n")
@@ -143,4 +146,4 @@ def _report(summary: dict[str, object], out: Path, console: Console) -> None:
     assert isinstance(skipped, dict)
     if skipped:
         console.print("left out: " + ", ".join(f"{n} {reason}" for reason, n in skipped.items()), highlight=False)
-    console.print(f"look at {out / 'report.html'}; everything else is beside it", highlight=False)
+    console.print(f"look at {out / 'report.html'} (clew view {out}); the rest is beside it", highlight=False)

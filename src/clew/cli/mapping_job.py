@@ -110,6 +110,8 @@ def map_log(
         write_report(options.out / "report.html", report_of_run(
             slam, grid, options.title, health=None if health is None else health(), skipped=skipped,
             complete=not stopped, truth=None if truth is None else truth(slam.trajectory.timestamps)))
+    if stopped:
+        viewer.finish("interrupted")
     wall = time.perf_counter() - begun
     stamps = slam.trajectory.timestamps
     log_seconds = float(stamps[-1] - stamps[0])
@@ -130,6 +132,7 @@ def map_log(
         "refined": options.refine and not stopped,
         "complete": not stopped,
         "map_size_m": [round(side * grid.resolution, 2) for side in grid.shape[::-1]],
+        "sensor": slam.sensor,
         "skipped": skipped,
     }
     return JobResult(slam, {**summary, "peak_memory_mb": _rounded(peak_memory_mb())}, stopped)

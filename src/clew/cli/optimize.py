@@ -267,7 +267,15 @@ def _notes(file: GraphFile) -> list[str]:
             f"{report.reduced[0]}); their translation and rotation blocks are used"
         )
     if len(report.created) and file.has_values:
-        notes.append(f"{len(report.created):,} vertices are only mentioned by edges")
+        first = ", ".join(map(str, report.created[:3])) + (", ..." if len(report.created) > 3 else "")
+        notes.append(
+            f"{len(report.created):,} vertices are only mentioned by edges ({first}); they have no values in the file"
+        )
+    if len(report.repeated):
+        notes.append(
+            f"{len(report.repeated):,} lines define a vertex again (first in line {report.repeated[0]}); the first "
+            "definition of each was taken"
+        )
     for tag, count in report.unknown_tags.items():
         notes.append(f"{count:,} lines {tag} are not understood and were left out")
     return notes

@@ -7,55 +7,36 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from clew.errors import InputError
+from clew.cli.formats import GRAPHS, TRAJECTORIES, Format, format_of
 from clew.geometry import SE2, SE3
-from clew.io import GraphFile, atomic_write, write_graph, write_kitti, write_tum
+from clew.io import GraphFile, atomic_write, write_csv, write_graph, write_kitti, write_tum
 from clew.noise import Kernel
 from clew.solve import Solution
 
 Array = NDArray[np.float64]
 
-FORMATS = {".g2o": "g2o", ".graph": "toro", ".tum": "tum", ".kitti": "kitti", ".txt": "kitti"}
-
-
-def format_of(path: Path) -> str:
-    """Format that the ending of a name asks for: "g2o", "toro", "tum" or "kitti".
-
-    Raises:
-        InputError: another ending.
-    """
-    packed = path.suffix in (".gz", ".bz2")
-    ending = Path(path.stem).suffix if packed else path.suffix
-    name = FORMATS.get(ending.lower())
-    if name is None or (packed and name not in ("g2o", "toro")):
-        raise InputError(
-            f"-o {path}: no format has the ending {path.suffix!r}; choose .g2o, .graph (TORO), .tum, .kitti or .txt "
-            "(KITTI); .gz or .bz2 after .g2o and .graph"
-        )
-    return name
-
 
 def write_result(path: Path, file: GraphFile, solution: Solution) -> None:
     """The optimised graph, or its poses in the order of their keys.
 
-    A graph has no times: in a TUM file the key of a pose stands for its timestamp.
+    A graph has no times: in a TUM or CSV file the key of a pose stands for its timestamp.
 
     Raises:
         InputError: an unknown ending, a graph that the format cannot hold, or a file that cannot be written.
     """
-    style = format_of(path)
-    if style == "g2o":
+    wanted = format_of(path, GRAPHS + TRAJECTORIES)
+    if wanted is Format.G2O:
         write_graph(path, solution.graph, features=file.features, unknown=file.report.unknown)
-    elif style == "toro":
-        write_graph(path, solution.graph, style=style)
+    elif wanted is Format.TORO:
+        write_graph(path, solution.graph, style="toro")
     else:
         keys = solution.keys()
         order = np.argsort(keys)
         poses = solution.values().array[order]
-        if style == "tum":
-            write_tum(path, keys[order].astype(np.float64), poses)
-        else:
+        if wanted is Format.KITTI:
             write_kitti(path, poses)
+        else:
+            (write_csv if wanted is Format.CSV else write_tum)(path, keys[order].astype(np.float64), poses)
 
 
 def write_marginals(path: Path, solution: Solution) -> None:

@@ -6,7 +6,7 @@ from clew.io.feature_drive import UNNAMED, FeatureLog
 from clew.io.feature_log import is_feature_log, read_feature_log
 from clew.io.graph_file import Features, GraphFile, GraphReport
 from clew.io.health import LaserHealth, LogHealth, StreamHealth, log_health, stream_health
-from clew.io.kind import GRAPHS, LOGS, TRAJECTORIES, FileKind, file_kind
+from clew.io.kind import FileKind, file_kind
 from clew.io.log import Log, Measurement, ReadReport, Records
 from clew.io.mrclam import is_mrclam, mrclam_robots, read_mrclam, read_survey
 from clew.io.open_log import open_log
@@ -20,9 +20,6 @@ from clew.io.write_carmen import write_carmen_log
 from clew.io.write_graph import write_graph
 
 __all__ = [
-    "GRAPHS",
-    "LOGS",
-    "TRAJECTORIES",
     "UNNAMED",
     "FeatureLog",
     "Features",

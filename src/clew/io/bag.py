@@ -24,6 +24,8 @@ from clew.io.recorded import RecordedLog, ScanTable
 Array = NDArray[np.float64]
 
 _SCAN, _ODOMETRY = "sensor_msgs/msg/LaserScan", "nav_msgs/msg/Odometry"
+#: A sweep may last this many periods of the scans: clocks are not exact.
+LONGEST_SWEEP = 1.05
 #: Static transforms may be repeated on /tf all along; they are among the first messages there.
 _FIRST_TF = 2000
 
@@ -107,7 +109,7 @@ class _Collector:
     """Takes in messages one by one and makes tables of them."""
 
     def __init__(self) -> None:
-        self.numbers: list[tuple[float, float, float, float, float]] = []
+        self.numbers: list[tuple[float, float, float, float, float, float]] = []
         self.ranges: list[NDArray[np.float32]] = []
         self.odometry: list[tuple[float, float, float, float, float]] = []
         self.positions: list[int] = []  # of the scans in the order of the bag
@@ -116,7 +118,8 @@ class _Collector:
     def scan(self, message: Any, received: int) -> bool:
         """Whether the message is a usable scan."""
         row = (_seconds(message.header.stamp, received), float(message.angle_min),
-               float(message.angle_increment), float(message.range_min), float(message.range_max))
+               float(message.angle_increment), float(message.range_min), float(message.range_max),
+               float(message.time_increment))
         if not all(map(math.isfinite, row[:3])) or len(message.ranges) == 0:
             return False
         self.numbers.append(row)
@@ -139,7 +142,7 @@ class _Collector:
 
     def tables(self, transforms: Transforms) -> tuple[ScanTable, Array]:
         """All scans and all odometry readings."""
-        numbers = np.array(self.numbers).reshape(-1, 5)
+        numbers = np.array(self.numbers).reshape(-1, 6)
         count = np.array([len(r) for r in self.ranges], dtype=np.int64)
         ranges = np.concatenate(self.ranges or [np.zeros(0, dtype=np.float32)]).astype(np.float64)
         range_min = np.where(numbers[:, 3] > 0, numbers[:, 3], 0.0)
@@ -153,8 +156,23 @@ class _Collector:
                           range_min=range_min, range_max=range_max, T_robot_sensor=T_robot_sensor,
                           T_odom_robot=np.full((len(numbers), 3), np.nan),
                           rank=np.zeros(len(numbers), dtype=np.int64),
-                          position=np.array(self.positions, dtype=np.int64))
+                          position=np.array(self.positions, dtype=np.int64),
+                          time_increment=_time_increment(numbers[:, 5], count, numbers[:, 0]))
         return scans, np.array(self.odometry).reshape(-1, 5)
+
+
+def _time_increment(stated: Array, count: NDArray[np.int64], times: Array) -> float:
+    """Seconds between beams of a sweep, or 0 where what the messages state cannot be.
+
+    Drivers leave the field empty, or fill it with the period of the scans or with microseconds: a sweep must be over
+    when the next begins.
+    """
+    increment = float(np.median(stated)) if len(stated) else 0.0
+    gaps = np.diff(np.sort(times))
+    gaps = gaps[gaps > 0]
+    if not (math.isfinite(increment) and increment > 0.0 and len(gaps)):
+        return 0.0
+    return increment if increment * float(np.median(count)) <= LONGEST_SWEEP * float(np.median(gaps)) else 0.0
 
 
 def _collect(bag: Any, connections: list[Any], report: ReadReport) -> _Collector:

@@ -34,10 +34,6 @@ class FileKind(Enum):
     OUTPUT = "output folder of clew"
 
 
-LOGS = (FileKind.CARMEN, FileKind.ROS1_BAG, FileKind.ROS2_SQLITE, FileKind.ROS2_MCAP)
-GRAPHS = (FileKind.G2O, FileKind.TORO)
-TRAJECTORIES = (FileKind.TUM, FileKind.KITTI, FileKind.CSV)
-
 _BAGS = {".bag": FileKind.ROS1_BAG, ".db3": FileKind.ROS2_SQLITE, ".mcap": FileKind.ROS2_MCAP}
 _GRAPH_TAG = re.compile(rb"^(VERTEX|EDGE|FIX\b|PARAMS_)", re.MULTILINE)
 _TORO_TAG = re.compile(rb"^(VERTEX[23]|EDGE[23])\s", re.MULTILINE)
@@ -59,6 +55,8 @@ def file_kind(path: str | PathLike[str]) -> FileKind:
     check_readable(path)
     if path.is_dir():
         return _folder_kind(path)
+    if not path.is_file():  # it could be read once only, or for ever
+        raise InputError(f"{path}: is a pipe or a device; store it in a file first")
     suffix = bag_suffix(path)
     if suffix is not None:
         return _BAGS[suffix]
@@ -77,6 +75,8 @@ def file_kind(path: str | PathLike[str]) -> FileKind:
     if _CSV_HEADER.match(data):
         return FileKind.CSV
     kind = _table_kind(data)
+    if kind is None and path.suffix == ".dat" and is_mrclam(path.parent):
+        raise InputError(f"{path}: is one file of an MRCLAM folder; give the folder {path.parent}")
     if kind is None:
         raise InputError(f"{path}: is of no kind that clew reads; {ADVICE}")
     return kind

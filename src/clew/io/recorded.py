@@ -36,6 +36,7 @@ class ScanTable:
         T_odom_robot: ``(N, 3)`` odometry that came with each scan; ``nan`` where none did.
         rank: ``(N,)`` of two records of one scan (same time, same number of beams) the lower rank is kept.
         position: ``(N,)`` place of each scan in the order of recording, counted together with the odometry.
+        time_increment: seconds between neighbouring beams; 0 where nothing is known.
     """
 
     times: Array
@@ -50,13 +51,14 @@ class ScanTable:
     T_odom_robot: Array
     rank: Indices
     position: Indices
+    time_increment: float = 0.0
 
     def take(self, chosen: Indices) -> ScanTable:
         """The chosen scans in the order given; the flat array of ranges stays as it is."""
         return ScanTable(self.times[chosen], self.first[chosen], self.count[chosen], self.ranges,
                          self.angle_min[chosen], self.angle_increment[chosen], self.range_min[chosen],
                          self.range_max[chosen], self.T_robot_sensor, self.T_odom_robot[chosen],
-                         self.rank[chosen], self.position[chosen])
+                         self.rank[chosen], self.position[chosen], self.time_increment)
 
 
 def tabulate(scans: Sequence[LaserScan], positions: Sequence[int]) -> ScanTable:
@@ -217,6 +219,6 @@ class RecordedLog:
             if self._with_odometry[i]:
                 yield Odometry(times[i], scans.T_odom_robot[i])
             yield LaserScan(times[i], self._ranges[first[i] : end[i]], angle_min, increment, range_min,
-                            range_max, scans.T_robot_sensor)
+                            range_max, scans.T_robot_sensor, time_increment=scans.time_increment)
         for k in range(done, len(odometry)):
             yield Odometry(float(odometry[k, 0]), odometry[k, 1:4])

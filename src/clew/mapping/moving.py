@@ -18,7 +18,7 @@ from clew import _native
 from clew.errors import InputError
 from clew.geometry import se2
 from clew.mapping.rays import FREE_RANGE, MAX_RANGE
-from clew.scan import LaserScan
+from clew.scan import LaserScan, resample
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -77,15 +77,18 @@ def moving_returns(
         raise InputError(f"poses must be finite and within {FARTHEST:g} m")
     if not scans:
         return []
+    even, beams = zip(*(resample(scan) for scan in scans), strict=True)
     offsets = np.concatenate([[0], np.cumsum([len(scan.ranges) for scan in scans])]).astype(np.int64)
     _, hits, misses = _native.mapping.count_looks(
         se2.compose(poses, np.stack([scan.T_robot_sensor for scan in scans])), offsets,
         np.array([scan.angle_min for scan in scans]), np.array([scan.angle_increment for scan in scans]),
-        usable_ranges(scans), moments(np.array([scan.timestamp for scan in scans]), o.moment),
+        usable_ranges(even), moments(np.array([scan.timestamp for scan in scans]), o.moment),
         o.resolution, MAX_RANGE, FREE_RANGE, o.width, o.margin,
     )  # fmt: skip
     through = (misses >= o.looks) & (hits <= o.seen * (hits + misses))
-    return np.split(through, offsets[1:-1])
+    masks = np.split(through, offsets[1:-1])
+    return [mask if scan.bearings is None else mask[own] & np.isfinite(scan.ranges)
+            for mask, own, scan in zip(masks, beams, scans, strict=True)]
 
 
 def usable_ranges(scans: Sequence[LaserScan]) -> Array:

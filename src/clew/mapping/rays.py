@@ -120,8 +120,9 @@ def rays_from_scans(
     return RayBatch(T_world_sensor, np.concatenate([[0], np.cumsum(counts)]), endpoints, hit)
 
 
-def _geometry(scan: LaserScan) -> tuple[int, float, float, float, float]:
-    return (len(scan.ranges), scan.angle_min, scan.angle_increment, scan.range_min, scan.range_max)
+def _geometry(scan: LaserScan) -> tuple[int, float, float, float, float, bool]:
+    return (len(scan.ranges), scan.angle_min, scan.angle_increment, scan.range_min, scan.range_max,
+            scan.bearings is not None)
 
 
 def _rays_of_equal_scans(
@@ -142,7 +143,8 @@ def _rays_of_equal_scans(
         length = np.where(hit & excluded, np.maximum(length - EXCLUDED_MARGIN, 0.0), length)
         hit &= ~excluded
     kept = (returned | no_return) & (length > 0.0)
-    directions = np.stack([np.cos(first.angles), np.sin(first.angles)], axis=-1)
+    angles = first.angles if first.bearings is None else np.stack([scan.angles for scan in scans])
+    directions = np.stack([np.cos(angles), np.sin(angles)], axis=-1)
     endpoints = length[..., None] * directions
     return kept.sum(axis=1), endpoints[kept], hit[kept]
 

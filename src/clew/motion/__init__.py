@@ -2,6 +2,7 @@
 
 from clew.motion.ackermann import Ackermann
 from clew.motion.buffer import OdometryBuffer
+from clew.motion.calibration import OdometryCalibration, OdometryQuality
 from clew.motion.integrate import Pieces, Preintegrated, cut, preintegrate
 from clew.motion.noise import OdometryNoise
 from clew.motion.odometry import Odometry
@@ -14,7 +15,9 @@ __all__ = [
     "MotionStep",
     "Odometry",
     "OdometryBuffer",
+    "OdometryCalibration",
     "OdometryNoise",
+    "OdometryQuality",
     "Pieces",
     "Preintegrated",
     "VelocityNoise",

@@ -11,7 +11,7 @@ from clew.place.association import (
 )
 from clew.place.closure import Closure, Verdict
 from clew.place.consistency import ConsistencyOptions, agree
-from clew.place.descriptor import Descriptor, DescriptorIndex, PairDistances, RingSpectra
+from clew.place.descriptor import Descriptor, DescriptorIndex, PairDistances, RingSpectra, TurnedRings
 from clew.place.joining import JoinOptions, join_landmarks, landmark_density
 from clew.place.submap import Submap, build_submap, surfels_of
 from clew.place.verify import VerificationOptions, look_back, verify
@@ -28,6 +28,7 @@ __all__ = [
     "PairDistances",
     "RingSpectra",
     "Submap",
+    "TurnedRings",
     "Verdict",
     "VerificationOptions",
     "agree",

@@ -34,7 +34,7 @@ class Closure:
 
     Attributes:
         source, target: indices of keyframes.
-        similarity: cosine of the two descriptors.
+        similarity: likeness of the two descriptors, in [0, 1].
         verdict: what the evidence says so far.
         T_target_source: ``(3,)`` measured pose of the source seen from the target.
         information: ``(3, 3)`` of that pose, in its tangent; of a confirmed closure the one that the graph uses.

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,13 +13,13 @@ from scipy.spatial.distance import pdist
 from clew.scan import ScanPoints, merge_surfels
 
 Array = NDArray[np.float64]
+FloatArray = NDArray[np.floating[Any]]
 
 
 class Descriptor(Protocol):
-    """What a place looks like as a vector of unit length that a turn about the origin does not change.
+    """What a place looks like as a row of numbers, and how much alike two places are, whichever way they are turned.
 
-    The cosine of two such vectors, in [0, 1], says how much alike two places are; that of a place without points is
-    zero with any other.
+    Likeness lies in [0, 1]: 1 for a place with itself, 0 between any place and one without points.
     """
 
     @property
@@ -31,14 +31,52 @@ class Descriptor(Protocol):
         """``(N, d)`` descriptors of ``N`` clouds, each about the origin of its frame."""
         ...
 
+    def compare(self, table: FloatArray, one: FloatArray) -> Array:
+        """Likeness ``(N,)`` of descriptors ``(N, d)`` with one ``(d,)``."""
+        ...
+
+
+@dataclass(frozen=True)
+class TurnedRings:
+    """Occupied sectors of rings, laid over each other at the turn that fits best.
+
+    The plane is cut into rings and sectors (Kim & Kim, "Scan Context", IROS 2018); two places are as alike as their
+    occupied cells correlate at the best of all turns, found for all at once by the Fourier transform over the sectors,
+    which is what the rows hold (real and imaginary parts). Occupied cells count, not points, so that density of the
+    beams does not matter.
+
+    Attributes:
+        rings, sectors: of the plane.
+        reach: radius of the outermost ring, metres.
+    """
+
+    rings: int = 12
+    sectors: int = 64
+    reach: float = 12.0
+    name: str = "turned rings"
+
+    def describe(self, clouds: Sequence[ScanPoints]) -> Array:
+        """As in `Descriptor`."""
+        occupied = _occupied(clouds, self.rings, self.sectors, self.reach)
+        cells = _unit(occupied.reshape(len(clouds), self.rings * self.sectors)).reshape(occupied.shape)
+        spectrum = np.fft.rfft(cells, axis=2)
+        return np.asarray(spectrum.view(np.float64).reshape(len(clouds), 2 * self.rings * (self.sectors // 2 + 1)))
+
+    def compare(self, table: FloatArray, one: FloatArray) -> Array:
+        """As in `Descriptor`."""
+        shape = (-1, self.rings, self.sectors // 2 + 1, 2)
+        parts, other = table.reshape(shape), one.reshape(shape)
+        spectra, turned = parts[..., 0] + 1j * parts[..., 1], other[..., 0] - 1j * other[..., 1]
+        correlation = np.fft.irfft((spectra * turned).sum(axis=1), n=self.sectors, axis=1)
+        return np.asarray(np.clip(correlation.max(axis=1, initial=0.0), 0.0, 1.0), dtype=np.float64)
+
 
 @dataclass(frozen=True)
 class RingSpectra:
     """Occupied sectors of rings, as magnitudes of their Fourier coefficients.
 
-    The plane is cut into rings and sectors (as in Kim & Kim, "Scan Context", IROS 2018); what is kept of each ring are
-    the magnitudes of its Fourier coefficients over the sectors, which a rotation does not change. Occupied sectors
-    count, not points, so that density of the beams does not matter.
+    Rings and sectors are those of `TurnedRings`; what is kept of each ring are the magnitudes of its Fourier
+    coefficients over the sectors, which a turn does not change. Vectors of unit length, compared by their cosine.
 
     Attributes:
         rings, sectors: of the plane.
@@ -54,17 +92,13 @@ class RingSpectra:
 
     def describe(self, clouds: Sequence[ScanPoints]) -> Array:
         """As in `Descriptor`."""
-        points = np.concatenate([np.zeros((0, 2)), *(cloud.points for cloud in clouds)])
-        owner = np.repeat(np.arange(len(clouds)), [len(cloud) for cloud in clouds])
-        distance = np.hypot(points[:, 0], points[:, 1])
-        inside = (distance < self.reach) & (distance > 1e-6)
-        ring = np.minimum(distance[inside] / self.reach * self.rings, self.rings - 1).astype(np.int64)
-        angle = np.arctan2(points[inside, 1], points[inside, 0])
-        sector = np.floor((angle + np.pi) / (2 * np.pi) * self.sectors).astype(np.int64) % self.sectors
-        occupied = np.zeros((len(clouds), self.rings, self.sectors))
-        occupied[owner[inside], ring, sector] = 1.0
+        occupied = _occupied(clouds, self.rings, self.sectors, self.reach)
         spectrum = np.abs(np.fft.rfft(occupied, axis=2))[..., : self.harmonics]
         return _unit(spectrum.reshape(len(clouds), self.rings * self.harmonics))
+
+    def compare(self, table: FloatArray, one: FloatArray) -> Array:
+        """As in `Descriptor`: the cosine."""
+        return np.asarray(table @ one, dtype=np.float64)
 
 
 @dataclass(frozen=True)
@@ -91,6 +125,10 @@ class PairDistances:
         """As in `Descriptor`."""
         return _unit(np.stack([np.zeros(self.distances * self.angles), *map(self._histogram, clouds)])[1:])
 
+    def compare(self, table: FloatArray, one: FloatArray) -> Array:
+        """As in `Descriptor`: the cosine."""
+        return np.asarray(table @ one, dtype=np.float64)
+
     def _histogram(self, cloud: ScanPoints) -> Array:
         near = np.hypot(cloud.points[:, 0], cloud.points[:, 1]) < self.reach
         thin = merge_surfels(
@@ -107,9 +145,10 @@ class PairDistances:
 
 
 class DescriptorIndex:
-    """Descriptors by number of their place, searched all at once."""
+    """Descriptors of one kind by number of their place, compared all at once."""
 
-    def __init__(self) -> None:
+    def __init__(self, kind: Descriptor) -> None:
+        self._kind = kind
         self._rows: dict[int, int] = {}
         self._table = np.zeros((0, 0), dtype=np.float32)
 
@@ -139,18 +178,32 @@ class DescriptorIndex:
                 self._rows[next(other for other, r in reversed(self._rows.items()) if r == last)] = row
 
     def similarities(self, places: NDArray[np.int64], descriptor: Array) -> Array:
-        """Cosines ``(N,)`` in [0, 1] of known places with a descriptor ``(d,)``."""
+        """Likeness ``(N,)`` in [0, 1] of known places with a descriptor ``(d,)``."""
         rows = np.array([self._rows[int(place)] for place in places], dtype=np.int64)
         if not len(rows):
             return np.zeros(0)
-        return np.asarray(self._table[rows] @ descriptor.astype(np.float32), dtype=np.float64)
+        return self._kind.compare(self._table[rows], descriptor.astype(np.float32))
 
     def search(self, descriptor: Array, count: int) -> tuple[NDArray[np.int64], Array]:
-        """The places that look most like a descriptor ``(d,)``, at most `count`, with their cosines, best first."""
+        """The places that look most like a descriptor ``(d,)``, at most `count`, with their likeness, best first."""
         places = np.fromiter(self._rows, dtype=np.int64, count=len(self._rows))
         alike = self.similarities(places, descriptor)
         best = np.argsort(-alike, kind="stable")[:count]
         return places[best], alike[best]
+
+
+def _occupied(clouds: Sequence[ScanPoints], rings: int, sectors: int, reach: float) -> Array:
+    """``(N, rings, sectors)``: 1 where a cloud has a point, 0 elsewhere."""
+    points = np.concatenate([np.zeros((0, 2)), *(cloud.points for cloud in clouds)])
+    owner = np.repeat(np.arange(len(clouds)), [len(cloud) for cloud in clouds])
+    distance = np.hypot(points[:, 0], points[:, 1])
+    inside = (distance < reach) & (distance > 1e-6)
+    ring = np.minimum(distance[inside] / reach * rings, rings - 1).astype(np.int64)
+    angle = np.arctan2(points[inside, 1], points[inside, 0])
+    sector = np.floor((angle + np.pi) / (2 * np.pi) * sectors).astype(np.int64) % sectors
+    occupied = np.zeros((len(clouds), rings, sectors))
+    occupied[owner[inside], ring, sector] = 1.0
+    return occupied
 
 
 def _unit(descriptors: Array) -> Array:

@@ -77,7 +77,7 @@ def verify(
         half_window: ``(3,)`` its half size, metres, metres, radians.
         prior_information: ``(3, 3)`` of `T_predicted`, in units of the returns' information. It decides only where
             the returns do not, as along a bare corridor.
-        similarity: cosine of the descriptors, kept as evidence.
+        similarity: likeness of the descriptors, kept as evidence.
         options: see `VerificationOptions`.
         alignment: how returns are weighted in the alignment.
         may_slide: whether a partial closure is of use; it is not while the robot may be in another corridor. Otherwise

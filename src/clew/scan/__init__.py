@@ -1,7 +1,8 @@
 """Laser scans: cleaning, features, matching, match covariance; tags in camera images."""
 
-from clew.scan.align import Alignment, AlignmentOptions, align
+from clew.scan.align import Alignment, AlignmentOptions, align, without_normal_noise
 from clew.scan.correlate import CorrelativeMatch, LikelihoodPyramid, build_pyramid, correlate
+from clew.scan.deskew import deskew, resample
 from clew.scan.feature_circles import CircleOptions, Circles, find_circles
 from clew.scan.feature_corners import Corners, find_corners
 from clew.scan.feature_lines import LineOptions, Lines, find_lines
@@ -9,6 +10,7 @@ from clew.scan.feature_reflectors import ReflectorOptions, Reflectors, find_refl
 from clew.scan.feature_returns import ReturnOptions
 from clew.scan.index import IndexedClouds, SourceClouds, index_cloud, join, merge_surfels
 from clew.scan.laser import LaserScan
+from clew.scan.noise import collinearity_residuals, robust_deviation
 from clew.scan.points import CleaningOptions, ScanPoints, concatenate, extract_points
 from clew.scan.tags import FAMILIES, Camera, Tags, find_tags
 
@@ -35,8 +37,10 @@ __all__ = [
     "Tags",
     "align",
     "build_pyramid",
+    "collinearity_residuals",
     "concatenate",
     "correlate",
+    "deskew",
     "extract_points",
     "find_circles",
     "find_corners",
@@ -46,4 +50,7 @@ __all__ = [
     "index_cloud",
     "join",
     "merge_surfels",
+    "resample",
+    "robust_deviation",
+    "without_normal_noise",
 ]

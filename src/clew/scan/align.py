@@ -12,6 +12,9 @@ from clew.scan.index import IndexedClouds, SourceClouds
 
 Array = NDArray[np.float64]
 
+LEAST_SHARE = 1e-6  # of the information that is left in any direction
+TINY = 1e-300
+
 
 @dataclass(frozen=True)
 class AlignmentOptions:
@@ -92,3 +95,23 @@ def align(
             o.radius_start, o.radius_end, o.sigma, o.robust, o.facing, o.iterations, threads,
         )
     )  # fmt: skip
+
+
+def without_normal_noise(information: Array, variance: float) -> Array:
+    """Information ``(..., 3, 3)`` of alignments without what noise of the normals seems to add to it.
+
+    Each return adds ``n n^T`` of its normal. A normal that is off by a small angle has a part along the surface, which
+    its square counts as information: on average ``variance * t t^T``, ``t`` along the surface. Over a bare corridor of
+    some hundred returns it would seem to tell how far along the robot is.
+
+    Args:
+        information: in the tangent of the pose.
+        variance: of the direction of a normal, radians^2.
+    """
+    values, vectors = np.linalg.eigh(information[..., :2, :2])
+    others = values[..., ::-1]  # what the other direction holds
+    share = np.clip((values - variance * others) / np.maximum(values, TINY), LEAST_SHARE, 1.0)
+    scale = np.zeros_like(information)
+    scale[..., :2, :2] = (vectors * np.sqrt(share)[..., None, :]) @ np.swapaxes(vectors, -1, -2)
+    scale[..., 2, 2] = 1.0
+    return np.asarray(scale @ information @ scale)

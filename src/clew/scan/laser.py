@@ -27,6 +27,10 @@ class LaserScan:
         range_max: longest range that the sensor reports as a return, metres.
         T_robot_sensor: ``(3,)`` pose of the laser on the robot (x, y, theta).
         intensities: ``(n,)`` strength of each return in the sensor's own unit, or None where it has none.
+        time_increment: seconds from one beam to the next; 0 where all are of one moment or nothing is known. The
+            timestamp is that of the first beam.
+        bearings: ``(n,)`` direction of each beam where they are not evenly spaced, as after motion within the scan was
+            removed (`deskew`); None where they are.
     """
 
     timestamp: float
@@ -37,8 +41,12 @@ class LaserScan:
     range_max: float
     T_robot_sensor: Array = field(default_factory=_identity)
     intensities: Array | None = None
+    time_increment: float = 0.0
+    bearings: Array | None = None
 
     @property
     def angles(self) -> Array:
         """``(n,)`` direction of each beam in the sensor frame, radians."""
+        if self.bearings is not None:
+            return self.bearings
         return np.asarray(self.angle_min + self.angle_increment * np.arange(self.ranges.shape[0]), dtype=np.float64)

@@ -85,7 +85,7 @@ def extract_points(scan: LaserScan, options: CleaningOptions | None = None) -> S
     limit = min(scan.range_max, options.range_limit)
     beams = np.flatnonzero((ranges >= scan.range_min) & (ranges <= limit)).astype(np.int32)
     r = ranges[beams]
-    angles = scan.angle_min + scan.angle_increment * beams
+    angles = scan.angles[beams]
     points = np.stack([r * np.cos(angles), r * np.sin(angles)], axis=1)
     normals, ratio, support = _native.scan.surface_normals(
         points, beams, MOST_NEIGHBOURS, options.radius, options.gap_base, options.gap_per_metre

@@ -3,6 +3,7 @@
 from clew.sim.campus import campus
 from clew.sim.carmen import write_carmen
 from clew.sim.demo import KINDS, simulate_demo, simulate_kind
+from clew.sim.disturbance import Slips, disturbed
 from clew.sim.drive import Drive, DriveModel, drive
 from clew.sim.landmarks import (
     ANONYMOUS,
@@ -39,9 +40,11 @@ __all__ = [
     "Sightings",
     "SimulatedLog",
     "SimulationReport",
+    "Slips",
     "World",
     "campus",
     "cast_rays",
+    "disturbed",
     "drive",
     "hall",
     "identical_doors",

@@ -25,6 +25,7 @@ class LaserModel:
         resolution: ranges are rounded to multiples of it, metres; 0 leaves them as they are.
         dropout: probability that a beam comes back without a range.
         T_robot_sensor: pose of the laser on the robot: x, y in metres, theta in radians.
+        sweep: seconds from the first beam to the last; the robot moves meanwhile. 0 measures all at one moment.
     """
 
     beams: int = 361
@@ -35,6 +36,7 @@ class LaserModel:
     resolution: float = 0.01
     dropout: float = 0.005
     T_robot_sensor: tuple[float, float, float] = (0.1, 0.0, 0.0)
+    sweep: float = 0.0
 
     def __post_init__(self) -> None:
         if self.beams < 2 or not 0.0 < self.field_of_view <= 2 * np.pi:
@@ -43,6 +45,8 @@ class LaserModel:
         if not 0.0 <= self.range_min < self.range_max < np.inf:
             raise InputError(f"LaserModel: ranges from {self.range_min:g} to {self.range_max:g} m: "
                              "needs 0 <= range_min < range_max")
+        if not 0.0 <= self.sweep < np.inf:
+            raise InputError(f"LaserModel: a sweep of {self.sweep:g} s: must not be negative")
         if self.sigma_range < 0.0 or self.resolution < 0.0 or not 0.0 <= self.dropout <= 1.0:
             raise InputError("LaserModel: sigma_range and resolution must not be negative, "
                              "dropout must be in [0, 1]")
@@ -56,6 +60,11 @@ class LaserModel:
     def angle_increment(self) -> float:
         """Angle between neighbouring beams, radians."""
         return self.field_of_view / (self.beams - 1)
+
+    @property
+    def time_increment(self) -> float:
+        """Seconds from one beam to the next."""
+        return self.sweep / (self.beams - 1)
 
     @property
     def angles(self) -> Array:

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline
 
 from clew.errors import InputError
 from clew.motion import Odometry
@@ -79,13 +80,24 @@ class SimulatedLog:
         """The scan at the timestamp of this index."""
         return LaserScan(float(self.timestamps[index]), self.ranges[index], self.laser.angle_min,
                          self.laser.angle_increment, self.laser.range_min, self.laser.range_max,
-                         np.array(self.laser.T_robot_sensor))
+                         np.array(self.laser.T_robot_sensor), time_increment=self.laser.time_increment)
 
     def measurements(self) -> Iterator[LaserScan | Odometry]:
         """Yield the odometry and then the scan of each timestamp."""
         for index, timestamp in enumerate(self.timestamps.tolist()):
             yield Odometry(timestamp, self.T_odom_robot[index])
             yield self.scan(index)
+
+
+def _swept(driven: Drive, laser: LaserModel) -> Array:
+    """``(N, B, 3)`` poses of the laser at each beam, its x axis along the beam."""
+    poses = driven.T_world_robot
+    unwrapped = np.column_stack([poses[:, :2], np.unwrap(poses[:, 2])])
+    moments = driven.timestamps[:, None] + laser.time_increment * np.arange(laser.beams)
+    at = np.minimum(moments, driven.timestamps[-1])
+    moved = unwrapped if len(poses) < 2 else CubicSpline(driven.timestamps, unwrapped)(at)
+    T_world_sensor = sensor_poses(np.broadcast_to(moved, (*moments.shape, 3)), laser)
+    return np.stack([*np.moveaxis(T_world_sensor[..., :2], -1, 0), T_world_sensor[..., 2] + laser.angles], axis=-1)
 
 
 def simulate(world: World, driven: Drive, laser: LaserModel, odometry: OdometryModel, seed: int, *,
@@ -111,7 +123,11 @@ def simulate(world: World, driven: Drive, laser: LaserModel, odometry: OdometryM
     of_laser, of_odometry, of_people, of_doors = np.random.SeedSequence(seed).spawn(4)
     poses = driven.T_world_robot
     T_world_sensor = sensor_poses(poses, laser)
-    distances = cast_rays(world.segments, T_world_sensor, laser.angles, laser.range_max + 1.0)
+    angles = laser.angles
+    if laser.sweep > 0.0:  # each beam is measured from a place of its own
+        T_world_sensor = _swept(driven, laser).reshape(-1, 3)
+        angles = np.zeros(1)
+    distances = cast_rays(world.segments, T_world_sensor, angles, laser.range_max + 1.0)
     positions = np.zeros((len(poses), 0, 2))
     if people:
         positions = walk(world, driven.timestamps, people, int(of_people.generate_state(1)[0]))
@@ -120,8 +136,11 @@ def simulate(world: World, driven: Drive, laser: LaserModel, odometry: OdometryM
         walkers = np.concatenate([poses[:, None, :2], positions], axis=1)
         share = swing(world, driven.timestamps, walkers, int(of_doors.generate_state(1)[0]))
     segments = leaves(world.doors[:share.shape[1]], share)
-    distances, door = cover_by_doors(distances, T_world_sensor, laser.angles, segments)
-    distances, person = cover(distances, T_world_sensor, laser.angles, positions)
+    repeats = len(distances) // len(poses)
+    distances, door = cover_by_doors(distances, T_world_sensor, angles, np.repeat(segments, repeats, axis=0))
+    distances, person = cover(distances, T_world_sensor, angles, np.repeat(positions, repeats, axis=0))
+    scans = (len(poses), laser.beams)
+    distances, door, person = distances.reshape(scans), door.reshape(scans), person.reshape(scans)
     ranges = laser.measure(distances, np.random.default_rng(of_laser))
     seen = np.isfinite(ranges)
     count = len(driven.timestamps)

@@ -26,11 +26,12 @@ class TrackingOptions:
         fastest: odometry that claims a greater speed, metres a second, has jumped, as when it is reset; motion is
             predicted without it,
         carry_on: by the last velocity, for so many seconds at most.
-        prior_weight: weight of the prediction against the mean likelihood in the search.
+        prior_weight: weight of the prediction against the mean likelihood in the search,
+        prior_floor: where its deviations are taken as these at least, metres, metres, radians: odometry that halts for
+            a moment is sure of itself and wrong.
         voxel: side of a surfel of the local map, metres.
-        return_weight: what a return counts against the prediction in the match,
-        information_scale: and in the covariance of the result, which is for the graph. Returns of one scan share
-            errors (calibration, the surface's own roughness), so that they count less than independent ones.
+        information_scale: share of the returns that tell something new: neighbours share their part of the map and its
+            errors. Chosen so that normalised errors in simulated worlds are right (`benchmarks/sensors.py`).
         overlap: a match that explains less of the scan is not believed; odometry carries on.
         velocity_sigmas: deviation of a prediction by constant velocity, where there is no odometry,
             metres and radians a second.
@@ -50,9 +51,9 @@ class TrackingOptions:
     fastest: float = 5.0
     carry_on: float = 1.0
     prior_weight: float = 0.04
+    prior_floor: tuple[float, float, float] = (0.05, 0.05, 0.05)
     voxel: float = 0.05
-    return_weight: float = 0.3
-    information_scale: float = 0.15
+    information_scale: float = 0.45
     overlap: float = 0.3
     velocity_sigmas: tuple[float, float] = (0.6, 0.8)
 
@@ -71,7 +72,7 @@ class ClosingOptions:
         reach: a submap is a candidate when it may lie this close, metres.
         candidates: submaps that are matched at most in one attempt,
         lost_candidates: and while the robot may be further than `reach` from where it is believed.
-        similarity: least cosine of the descriptors.
+        similarity: least likeness of the descriptors; what looks less alike shares too little.
         caution: factor on the covariance of the prediction: drift is not quite the sum of independent errors.
         sigmas: half of the search window in deviations of the prediction,
         window_floor: its least half size, metres and radians.
@@ -101,7 +102,7 @@ class ClosingOptions:
     reach: float = 5.0
     candidates: int = 3
     lost_candidates: int = 8
-    similarity: float = 0.5
+    similarity: float = 0.2
     caution: float = 3.0
     sigmas: float = 3.0
     window_floor: tuple[float, float] = (0.3, 0.06)
@@ -114,7 +115,7 @@ class ClosingOptions:
     batch: int = 5
     open_sources: int = 300
     cached_submaps: int = 64
-    information_scale: float = 0.08
+    information_scale: float = 0.035
     kernel_scale: float = 3.0
     residual: float = 40.0
 
@@ -137,7 +138,7 @@ class RefinementOptions:
     overlap: float = 0.4
     rounds: int = 4
     movement: float = 0.002
-    information_scale: float = 0.1
+    information_scale: float = 0.045
 
 
 @dataclass(frozen=True)

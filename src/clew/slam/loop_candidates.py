@@ -27,7 +27,7 @@ class Candidate:
 
     Attributes:
         anchor: keyframe whose submap it is.
-        similarity: cosine of the descriptors.
+        similarity: likeness of the descriptors.
         T_predicted: ``(3,)`` pose of the source seen from the anchor by the graph,
         covariance: ``(3, 3)`` and its covariance, in the source's tangent.
         centre: ``(3,)`` middle of the search window: what is predicted, or the anchor itself if that says little,
@@ -77,9 +77,10 @@ def find_candidates(graph: PoseGraph, places: Places, query: Query, options: Clo
     possible = np.hypot(*(poses[chosen, :2] - position).T) <= options.reach + spread
     chosen, covariances = chosen[possible], covariances[possible]
     alike = places.similarities(chosen, query.appearance)
+    most = options.lost_candidates if lost else options.candidates
     candidates: list[Candidate] = []
     for i in np.argsort(-alike, kind="stable"):
-        if alike[i] < options.similarity or len(candidates) >= (options.lost_candidates if lost else options.candidates):
+        if alike[i] < options.similarity or len(candidates) >= most:
             break
         here = poses[chosen[i], :2]
         if lost and any(np.hypot(*(poses[c.anchor, :2] - here)) < APART for c in candidates):

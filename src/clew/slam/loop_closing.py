@@ -9,18 +9,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from clew.geometry import se2
-from clew.place import Closure, Verdict, agree, look_back, verify
+from clew.place import Closure, Verdict, VerificationOptions, agree, look_back, verify
+from clew.scan import without_normal_noise
 from clew.slam.closure_log import ClosureLog
 from clew.slam.config import SlamConfig
 from clew.slam.keyframes import KeyframeStore
 from clew.slam.loop_candidates import Candidate, find_candidates
 from clew.slam.places import Places, Query
 from clew.slam.pose_graph import LEAST_INFORMATION, PoseGraph
+from clew.slam.sensor import SensorModel
 
 Array = NDArray[np.float64]
 
 MISSES = 4  # keyframes in a row that still cannot be closed, after which no more are tried
 FLOOR = np.diag([0.05, 0.05, 0.02]) ** 2  # covariance that any prediction has at least
+NOISY = 2.0  # the residual of a match may be so many deviations of a return
 
 
 @dataclass
@@ -33,16 +36,17 @@ class LoopCloser:
     """Proposes closures of the newest keyframe with older ones and adds to the graph those that are confirmed.
 
     A candidate must look alike, match a submap in one place only, overlap, and not contradict free space
-    (`clew.place.verify`); it must agree with the graph within its uncertainty; and, unless it hardly moves a robot whose
-    place is certain, it waits until others agree with it that share no scan with it. Keyframes that could not be closed,
-    because several places looked alike, are tried again once the robot knows where it is. After optimisation, a closure
-    that no longer fits is withdrawn.
+    (`clew.place.verify`); it must agree with the graph within its uncertainty; and, unless it hardly moves a robot
+    whose place is certain, it waits until others agree with it that share no scan with it. Keyframes that could not be
+    closed, because several places looked alike, are tried again once the robot knows where it is. After optimisation,
+    a closure that no longer fits is withdrawn.
     """
 
-    def __init__(self, keyframes: KeyframeStore, graph: PoseGraph, config: SlamConfig) -> None:
+    def __init__(self, keyframes: KeyframeStore, graph: PoseGraph, config: SlamConfig, sensor: SensorModel) -> None:
         self._keyframes = keyframes
         self._graph = graph
         self._config = config
+        self._sensor = sensor
         self._places = Places(keyframes, config)
         self._accepted: list[_Accepted] = []
         self._past = ClosureLog()  # believed, and taken into the graph for good: a keyframe of theirs was pruned
@@ -120,12 +124,13 @@ class LoopCloser:
 
     def _match(self, query: Query, candidate: Candidate) -> Closure:
         """The evidence for one candidate."""
-        verification = self._config.verification
+        verification = self._verification()
         submap = self._places.submap(candidate.anchor)
-        prior = np.linalg.inv(candidate.covariance + FLOOR) / self._config.closing.information_scale
+        worth = self._sensor.return_information(self._config.closing.information_scale)
+        prior = np.linalg.inv(candidate.covariance + FLOOR) / worth
         closure = verify(
             submap, query.surfels, query.source, candidate.T_predicted, candidate.centre, candidate.half_window, prior,
-            candidate.similarity, verification, self._config.alignment, may_slide=candidate.is_near,
+            candidate.similarity, verification, self._sensor.alignment, may_slide=candidate.is_near,
         )  # fmt: skip
         if closure.verdict is not Verdict.WAITING:
             return closure
@@ -135,7 +140,9 @@ class LoopCloser:
 
     def _information(self, closure: Closure) -> Array:
         """What a match is worth to the graph: that of its returns, and of the ways along which they were seen."""
-        information = self._config.closing.information_scale * closure.information + LEAST_INFORMATION
+        worth = self._sensor.return_information(self._config.closing.information_scale)
+        of_returns = without_normal_noise(closure.information, self._sensor.normal_variance)
+        information = worth * of_returns + LEAST_INFORMATION
         return np.asarray(np.linalg.inv(np.linalg.inv(information) + self._deformation(closure)), dtype=np.float64)
 
     def _deformation(self, closure: Closure) -> Array:
@@ -143,9 +150,11 @@ class LoopCloser:
 
         Along a bare corridor only odometry tells how far apart the keyframes of a submap are, so that surfaces at one
         end of it are uncertain by that against those at the other. Half of the query's and of the submap's way counts;
-        what is equal in all directions does not, since the match itself knows it.
+        what is equal in all directions does not, since the match itself knows it. Odometry is trusted no more than in
+        the prediction (`ClosingOptions.caution`).
         """
-        half = self._config.closing.submap_keyframes // 2
+        options = self._config.closing
+        half = options.submap_keyframes // 2
         total = np.zeros((2, 2))
         for keyframe, last in ((closure.source, closure.source), (closure.target, closure.target + half)):
             way = np.arange(max(last - half, 0) + 1, last + 1)
@@ -154,7 +163,7 @@ class LoopCloser:
                 turns = se2.matrix(se2.inverse(closure.T_target_source))[:2, :2] @ turns
             total += (turns @ self._keyframes.step_covariances(way) @ turns.transpose(0, 2, 1)).sum(axis=0)
         out = np.zeros((3, 3))
-        out[:2, :2] = total - np.linalg.eigvalsh(total)[0] * np.eye(2)
+        out[:2, :2] = options.caution * (total - np.linalg.eigvalsh(total)[0] * np.eye(2))
         return out
 
     def _catch_up(self) -> None:
@@ -211,7 +220,7 @@ class LoopCloser:
         self._pending += 1
         options = self._config.closing
         settled = best.innovation[0] < options.settled[0] and best.innovation[1] < options.settled[1]
-        if settled and self._pending < options.batch:
+        if settled and not supporters and self._pending < options.batch:
             return False
         self.settle()
         return True
@@ -264,6 +273,11 @@ class LoopCloser:
     def _accept(self, closure: Closure) -> None:
         closure = replace(closure, verdict=Verdict.CONFIRMED)
         self._accepted.append(_Accepted(closure, self._graph.add_closure(closure, closure.information)))
+
+    def _verification(self) -> VerificationOptions:
+        """The limits, the one on residuals no tighter than the noise of returns allows."""
+        options = self._config.verification
+        return replace(options, rms=max(options.rms, NOISY * self._sensor.return_deviation))
 
     def _withdraw(self) -> None:
         """Take out closures that the optimised graph contradicts."""

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from clew.place import DescriptorIndex, RingSpectra, Submap, build_submap
+from clew.place import DescriptorIndex, Submap, TurnedRings, build_submap
 from clew.scan import ScanPoints
 from clew.slam.config import SlamConfig
 from clew.slam.keyframes import KeyframeStore
@@ -42,8 +42,8 @@ class Places:
         self._keyframes = keyframes
         self._options = config.closing
         self._submaps: OrderedDict[int, Submap] = OrderedDict()
-        self._descriptor = RingSpectra()
-        self._index = DescriptorIndex()
+        self._descriptor = TurnedRings()
+        self._index = DescriptorIndex(self._descriptor)
 
     def query(self, source: int) -> Query:
         """What the robot saw on its way to a keyframe."""
@@ -79,7 +79,7 @@ class Places:
         )
 
     def similarities(self, anchors: NDArray[np.int64], appearance: Array) -> Array:
-        """Cosines ``(A,)`` of the descriptors of anchors with one."""
+        """Likeness ``(A,)`` of anchors with a descriptor."""
         new = [int(a) for a in anchors if int(a) not in self._index]
         if new:
             surfels = [self._keyframes.surfels(a, self._about(a), QUERY_VOXEL) for a in new]

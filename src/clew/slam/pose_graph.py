@@ -135,7 +135,8 @@ class PoseGraph:
 
     def relative_covariances(self, source: int, targets: Index) -> Array:
         """Covariance ``(T, 3, 3)`` of the source's pose seen from each target, in the source's tangent."""
-        if self._solution is None or source - self._solved >= FACTORISE_AFTER:
+        fresh = source - self._solved < FACTORISE_AFTER and int(np.max(targets, initial=0)) < self._solved
+        if self._solution is None or not fresh:
             self.optimise()
         assert self._solution is not None
         poses = self.poses

@@ -18,10 +18,11 @@ from clew.factors import Between
 from clew.geometry import SE2, se2
 from clew.graph import FactorGraph, Role
 from clew.noise import Cauchy
-from clew.scan import IndexedClouds, align, index_cloud, join
+from clew.scan import IndexedClouds, align, index_cloud, join, without_normal_noise
 from clew.slam.config import SlamConfig
 from clew.slam.keyframes import KeyframeStore
 from clew.slam.pose_graph import LEAST_INFORMATION
+from clew.slam.sensor import SensorModel
 from clew.solve import optimize
 
 Array = NDArray[np.float64]
@@ -69,6 +70,7 @@ def refine(
     keyframes: KeyframeStore,
     graph: FactorGraph,
     config: SlamConfig,
+    sensor: SensorModel,
     progress: Callable[[int, int], None] | None = None,
 ) -> FactorGraph:
     """The graph with scan-to-scan edges added, at its optimum.
@@ -79,6 +81,7 @@ def refine(
         keyframes: all keyframes that have not been dropped.
         graph: odometry and closures; keys are the numbers of the keyframes, values are where to begin. Left as it is.
         config: `SlamConfig.refinement` and `threads` are used.
+        sensor: how returns are weighted.
         progress: called with the rounds done, beginning with 0, and the most there can be.
     """
     options = config.refinement
@@ -90,7 +93,7 @@ def refine(
     poses = np.asarray(graph.values(numbers).array)
     added: NDArray[np.int64] | None = None
     for round_ in range(options.rounds):
-        factor = _pair_factor(clouds, numbers, poses, round_, config)
+        factor = _pair_factor(clouds, numbers, poses, round_, config, sensor)
         if added is not None:
             graph.remove(added)
         added = None if factor is None else np.atleast_1d(np.asarray(graph.add(factor)))
@@ -106,7 +109,7 @@ def refine(
 
 
 def _pair_factor(
-    clouds: list[IndexedClouds], numbers: Index, poses: Array, round_: int, config: SlamConfig
+    clouds: list[IndexedClouds], numbers: Index, poses: Array, round_: int, config: SlamConfig, sensor: SensorModel
 ) -> Between | None:
     """Scan-to-scan edges of all overlapping pairs, aligned from the present poses."""
     options = config.refinement
@@ -115,7 +118,7 @@ def _pair_factor(
         return None
     pairs = pairs[np.lexsort((pairs[:, 1], pairs[:, 0]))]
     parts = [
-        _align_part(clouds, pairs[begin : begin + PAIRS_AT_ONCE], poses, round_, config)
+        _align_part(clouds, pairs[begin : begin + PAIRS_AT_ONCE], poses, round_, config, sensor)
         for begin in range(0, len(pairs), PAIRS_AT_ONCE)
     ]
     T, overlap, returns = (np.concatenate(columns) for columns in zip(*parts, strict=True))
@@ -123,7 +126,8 @@ def _pair_factor(
     if not good.any():
         return None
     keys = numbers[pairs[good]]
-    information = options.information_scale * returns[good] + LEAST_INFORMATION
+    worth = sensor.return_information(options.information_scale)
+    information = worth * without_normal_noise(returns[good], sensor.normal_variance) + LEAST_INFORMATION
     return Between(
         keys[:, 0], keys[:, 1], SE2.from_array(T[good]),
         information=information, role=Role.LOOP, kernel=Cauchy(KERNEL),
@@ -131,7 +135,8 @@ def _pair_factor(
 
 
 def _align_part(
-    clouds: list[IndexedClouds], pairs: NDArray[np.int32], poses: Array, round_: int, config: SlamConfig
+    clouds: list[IndexedClouds], pairs: NDArray[np.int32], poses: Array, round_: int, config: SlamConfig,
+    sensor: SensorModel,
 ) -> tuple[Array, Array, Array]:
     """Relative poses ``(P, 3)``, overlaps ``(P,)`` and informations of the returns ``(P, 3, 3)``."""
     start, end = RADII[min(round_, len(RADII) - 1)]
@@ -141,6 +146,6 @@ def _align_part(
         batch, batch.as_sources(), np.asarray(local.reshape(-1, 2), dtype=np.int32),
         se2.between(poses[pairs[:, 0]], poses[pairs[:, 1]]),
         prior_information=np.broadcast_to(WEAK_PRIOR, (len(pairs), 3, 3)),
-        options=replace(config.alignment, radius_start=start, radius_end=end), threads=config.threads,
+        options=replace(sensor.alignment, radius_start=start, radius_end=end), threads=config.threads,
     )  # fmt: skip
     return fine.T_target_source, fine.overlap, fine.information

@@ -14,7 +14,7 @@ from clew.graph import FactorGraph
 from clew.mapping import OccupancyGrid, build_occupancy_grid, moving_returns
 from clew.motion import Odometry, OdometryBuffer
 from clew.place import Closure
-from clew.scan import LaserScan
+from clew.scan import LaserScan, deskew
 from clew.slam.config import SlamConfig
 from clew.slam.keyframes import KeyframeStore
 from clew.slam.loop_closing import LoopCloser
@@ -22,8 +22,10 @@ from clew.slam.pose_graph import PoseGraph, chi2
 from clew.slam.pruning import Pruned, Pruner
 from clew.slam.refine import refine
 from clew.slam.scans import ScanStore
+from clew.slam.sensor import SensorModel
 from clew.slam.tracking import Tracker
 from clew.slam.viewer import GuardedViewer, NullViewer, Viewer
+from clew.solve import Solution, optimize
 
 Array = NDArray[np.float64]
 
@@ -68,9 +70,10 @@ class Slam:
         self._use_odometry = use_odometry
         self._odometry = OdometryBuffer()
         self._keyframes = KeyframeStore()
-        self._tracker = Tracker(self._keyframes, self.config)
+        self._sensor = SensorModel(self.config)
+        self._tracker = Tracker(self._keyframes, self.config, self._sensor)
         self._pose_graph = PoseGraph(self.config.closing.kernel_scale)
-        self._closer = LoopCloser(self._keyframes, self._pose_graph, self.config)
+        self._closer = LoopCloser(self._keyframes, self._pose_graph, self.config, self._sensor)
         self._pruner = Pruner(self._keyframes, self._pose_graph, self.config)
         self._scans = ScanStore(self.config.pruning.scans)
         self._last_scan: LaserScan | None = None
@@ -119,6 +122,8 @@ class Slam:
                 f"no odometry before the scan at {scan.timestamp:.6f} s: add odometry first, or use scans alone "
                 "(Slam(use_odometry=False), clew run --no-odometry)"
             )
+        self._sensor.see(scan)
+        scan = self._without_motion(scan, T_odom_robot)
         tracked = self._tracker.track(scan, T_odom_robot)
         self._scans.add(scan, tracked.keyframe, tracked.T_keyframe_robot, T_odom_robot)
         self._last_scan = scan
@@ -137,6 +142,18 @@ class Slam:
         for keyframe in gone:
             self._scans.forget(keyframe)
 
+    def _without_motion(self, scan: LaserScan, T_odom_robot: Array | None) -> LaserScan:
+        """The scan as of its timestamp: what the robot moved during the sweep is taken out."""
+        sweep = scan.time_increment * len(scan.ranges)
+        if sweep <= 0.0:
+            return scan
+        velocity = self._tracker.velocity
+        if T_odom_robot is not None and self._tracker.trusts_odometry:
+            end = self._odometry.at(scan.timestamp + sweep)
+            assert end is not None
+            velocity = se2.log(se2.between(T_odom_robot, end)) / sweep
+        return deskew(scan, velocity)
+
     def optimise(self) -> None:
         """Move all keyframes to where odometry and closures agree best, the latest closures included."""
         self._closer.settle()
@@ -148,7 +165,7 @@ class Slam:
         if len(self._keyframes) < 2:
             return
         self.optimise()
-        self._refined = refine(self._keyframes, self._pose_graph.graph, self.config, progress)
+        self._refined = refine(self._keyframes, self._pose_graph.graph, self.config, self._sensor, progress)
         self._pose_graph.set_poses(np.asarray(self._refined.values(SE2).array))
         self._viewer.moved(self)
 
@@ -228,6 +245,10 @@ class Slam:
         """The graph of keyframes: odometry and loop edges at the present poses."""
         return self._pose_graph.graph if self._refined is None else self._refined
 
+    def solution(self) -> Solution:
+        """`graph` with the Gaussian around the present poses: covariances, and what the measurements leave open."""
+        return optimize(self.graph, init="file", max_iterations=0)
+
     @property
     def chi2(self) -> float:
         """Cost ``sum e^T Omega e`` of `graph` at the present poses, without robust kernels."""
@@ -247,6 +268,11 @@ class Slam:
     def rejected_closures(self) -> list[Closure]:
         """Candidates that were turned down, each with the reason."""
         return self._closer.rejected
+
+    @property
+    def sensor(self) -> dict[str, object]:
+        """What the log has told about laser and odometry, in plain numbers."""
+        return self._sensor.report() if len(self._scans) else {}
 
     def map(self, resolution: float | None = None, progress: Callable[[int, int], None] | None = None) -> OccupancyGrid:
         """Occupancy grid of the scans at the present trajectory, without what did not stay (`moving_returns`).

@@ -20,16 +20,22 @@ from clew.scan import (
     extract_points,
     index_cloud,
     merge_surfels,
+    without_normal_noise,
 )
 from clew.slam.config import SlamConfig
 from clew.slam.keyframes import Keyframe, KeyframeStore
+from clew.slam.prediction import MotionPredictor, Prediction
+from clew.slam.sensor import SensorModel
 
 Array = NDArray[np.float64]
 
 PYRAMID_LEVELS = 5
 THINNING = 0.1  # metres; the correlative search needs the shape of a scan, not each return
 LEAST_POINTS = 10
-TINY = 1e-9
+ELSEWHERE = 1.5  # the search has left the prediction when it ended so many times `prior_floor` away
+LITTLE_SLIP = 0.7  # a prediction of more weight is left as it is
+CHANGE_SIGMAS = 5.0  # of the range noise; a return that differs by more, and by more than the robot may move unseen,
+CHANGED_SHARE = 0.05  #   on so many of the beams, shows that the robot moves
 SLIP_FREEDOM = 3.0  # degrees of freedom of the distribution of odometry's errors
 
 
@@ -41,17 +47,44 @@ class TrackedScan:
         keyframe: index of the keyframe that the pose is relative to.
         T_keyframe_robot: ``(3,)``.
         is_keyframe: whether the scan became that keyframe.
+        covariance: ``(3, 3)`` of the pose seen from the keyframe that it was tracked against, in its own tangent.
     """
 
     keyframe: int
     T_keyframe_robot: Array
     is_keyframe: bool
+    covariance: Array
 
 
 @dataclass(frozen=True)
 class _LocalMap:
     index: IndexedClouds
     pyramid: LikelihoodPyramid
+
+
+@dataclass(frozen=True)
+class _Match:
+    """Pose seen from the last keyframe.
+
+    Attributes:
+        pose: ``(3,)`` by returns and prediction,
+        covariance: ``(3, 3)`` of it.
+        T_returns: ``(3,)`` by the returns alone; astray where they do not tell.
+        information: ``(3, 3)`` of the returns alone.
+        of_returns: ``(3, 3)`` the part of `covariance` that comes from the noise of this scan's returns: what is next
+            measured from here bears it too.
+    """
+
+    pose: Array
+    covariance: Array
+    T_returns: Array
+    information: Array
+    of_returns: Array
+
+    @property
+    def matched(self) -> bool:
+        """Whether returns have a say in the pose."""
+        return bool(self.information.any())
 
 
 class Tracker:
@@ -61,102 +94,145 @@ class Tracker:
     away in the directions that they measure. Along a bare corridor only odometry is left, and the covariance says so.
     """
 
-    def __init__(self, keyframes: KeyframeStore, config: SlamConfig) -> None:
+    def __init__(self, keyframes: KeyframeStore, config: SlamConfig, sensor: SensorModel) -> None:
         self._keyframes = keyframes
         self._config = config
+        self._sensor = sensor
+        self._predictor = MotionPredictor(config, sensor)
         self._map: _LocalMap | None = None
         self._T_keyframe_robot = np.zeros(3)  # at the last matched scan
         self._covariance = np.zeros((3, 3))
-        self._timestamp = 0.0
-        self._T_odom_robot: Array | None = None
-        self._velocity = np.zeros(3)  # body velocity between the last two matched scans
+        self._scan: LaserScan | None = None  # the last matched one
+
+    @property
+    def velocity(self) -> Array:
+        """``(3,)`` body velocity between the last two matched scans, metres and radians a second."""
+        return self._predictor.velocity
+
+    @property
+    def trusts_odometry(self) -> bool:
+        """Whether odometry predicts better than the last velocity."""
+        return self._predictor.trusts_odometry
 
     def track(self, scan: LaserScan, T_odom_robot: Array | None) -> TrackedScan:
         """Pose of the robot at a scan; `T_odom_robot` is None where there is no odometry."""
         if self._map is None:
             return self._first(scan, T_odom_robot)
-        increment, noise = self._motion(scan.timestamp, T_odom_robot)
-        predicted = se2.compose(self._T_keyframe_robot, increment)
-        options = self._config.tracking
-        moved = np.hypot(increment[0], increment[1]) >= options.still_distance
-        if T_odom_robot is not None and not moved and abs(increment[2]) < options.still_angle:
-            return TrackedScan(len(self._keyframes) - 1, predicted, False)
-        transport = se2.adjoint(se2.inverse(increment))
-        prior = transport @ self._covariance @ transport.T + noise
+        prediction = self._predictor.predict(scan.timestamp, T_odom_robot)
+        increment = prediction.increment
+        if prediction.by_odometry and self._stands(increment) and not self._looks_elsewhere(scan):
+            predicted = se2.compose(self._T_keyframe_robot, increment)
+            return TrackedScan(len(self._keyframes) - 1, predicted, False, self._covariance)
         points = extract_points(scan, self._config.cleaning)
-        pose, covariance = self._match(points, increment, predicted, prior)
-        self._remember(scan.timestamp, T_odom_robot, pose)
-        self._T_keyframe_robot, self._covariance = pose, covariance
+        match = self._match(points, prediction)
+        if prediction.by_odometry and not match.matched:  # odometry may be what misleads
+            again = self._match(points, self._predictor.by_velocity(scan.timestamp))
+            match = again if again.matched else match
+        moved = se2.between(self._T_keyframe_robot, match.pose)
+        self._predictor.moved(scan.timestamp, T_odom_robot, moved, match.matched)
+        self._T_keyframe_robot, self._covariance, self._scan = match.pose, match.covariance, scan
         if self._starts_keyframe(scan.timestamp):
-            return TrackedScan(self._add_keyframe(scan, points), np.zeros(3), True)
-        return TrackedScan(len(self._keyframes) - 1, pose, False)
+            self._predictor.keyframe(T_odom_robot, match.T_returns, match.information)
+            index = self._add_keyframe(scan, points, match.of_returns)
+            return TrackedScan(index, np.zeros(3), True, match.covariance)
+        return TrackedScan(len(self._keyframes) - 1, match.pose, False, match.covariance)
 
     def _first(self, scan: LaserScan, T_odom_robot: Array | None) -> TrackedScan:
-        self._remember(scan.timestamp, T_odom_robot, np.zeros(3))
-        self._velocity = np.zeros(3)
+        self._predictor.start(scan.timestamp, T_odom_robot)
         points = extract_points(scan, self._config.cleaning)
-        return TrackedScan(self._add_keyframe(scan, points), np.zeros(3), True)
+        self._scan = scan
+        return TrackedScan(self._add_keyframe(scan, points, np.zeros((3, 3))), np.zeros(3), True, np.zeros((3, 3)))
 
-    def _motion(self, timestamp: float, T_odom_robot: Array | None) -> tuple[Array, Array]:
-        """Motion since the last matched scan, with its covariance."""
+    def _stands(self, increment: Array) -> bool:
+        """Whether the robot has hardly moved since the last matched scan, as odometry has it."""
         options = self._config.tracking
-        seconds = max(timestamp - self._timestamp, 1e-3)
-        if T_odom_robot is not None and self._T_odom_robot is not None:
-            increment = se2.between(self._T_odom_robot, T_odom_robot)
-            if np.hypot(increment[0], increment[1]) <= options.fastest * max(seconds, options.carry_on):
-                return increment, self._config.odometry.covariance(increment)
-        translation, rotation = (sigma * seconds for sigma in options.velocity_sigmas)
-        ahead = se2.exp(self._velocity * min(seconds, options.carry_on))
-        return ahead, np.diag([translation**2, translation**2, rotation**2])
+        moved = np.hypot(increment[0], increment[1])
+        return bool(moved < options.still_distance and abs(increment[2]) < options.still_angle)
 
-    def _remember(self, timestamp: float, T_odom_robot: Array | None, pose: Array) -> None:
-        seconds = timestamp - self._timestamp
-        if seconds > TINY:
-            self._velocity = se2.log(se2.between(self._T_keyframe_robot, pose)) / seconds
-        self._timestamp, self._T_odom_robot = timestamp, T_odom_robot
+    def _looks_elsewhere(self, scan: LaserScan) -> bool:
+        """Whether a scan differs from the last matched one as it does when the robot moves and odometry sleeps."""
+        before = self._scan
+        assert before is not None
+        if len(before.ranges) != len(scan.ranges):
+            return False
+        both = np.isfinite(before.ranges) & np.isfinite(scan.ranges)
+        change = np.abs(scan.ranges[both] - before.ranges[both])
+        limit = CHANGE_SIGMAS * self._sensor.range_noise + self._config.tracking.still_distance
+        return bool(np.count_nonzero(change > limit) > CHANGED_SHARE * max(len(change), 1))
 
-    def _match(self, points: ScanPoints, increment: Array, predicted: Array, prior: Array) -> tuple[Array, Array]:
+    def _match(self, points: ScanPoints, prediction: Prediction) -> _Match:
         """Pose and covariance from the prediction and the returns; the prediction where they do not tell."""
         assert self._map is not None
+        transport = se2.adjoint(se2.inverse(prediction.increment))
+        prior = transport @ self._covariance @ transport.T + prediction.covariance
+        predicted = se2.compose(self._T_keyframe_robot, prediction.increment)
+        unmatched = _Match(predicted, prior, predicted, np.zeros((3, 3)), np.zeros((3, 3)))
         if len(points) < LEAST_POINTS:
-            return predicted, prior
+            return unmatched
         options = self._config.tracking
         sigmas = np.sqrt(np.diag(prior))
-        half = np.maximum(options.window_sigmas * sigmas, options.window_floor) + self._stuck(increment)
+        half = np.maximum(options.window_sigmas * sigmas, options.window_floor) + self._surprise(prediction)
         half = np.minimum(half, options.window_ceiling)
         coarse = correlate(
             self._map.pyramid, merge_surfels(points, THINNING).points, predicted, half,
-            prior_sigmas=sigmas, prior_weight=options.prior_weight,
+            prior_sigmas=np.maximum(sigmas, options.prior_floor), prior_weight=options.prior_weight,
         )  # fmt: skip
         start = predicted if coarse is None else coarse.T_target_source
-        prior_information = np.asarray(self._slip(predicted, start, prior) * np.linalg.inv(prior), dtype=np.float64)
+        precision = np.asarray(np.linalg.inv(prior), dtype=np.float64)
+        prior_information = precision
+        if np.linalg.norm(se2.between(predicted, start) / options.prior_floor) > ELSEWHERE:
+            # Far from the prediction: were it held to it, the alignment would find other partners on its way back.
+            prior_information = np.linalg.inv(prior + np.diag(np.square(options.prior_floor)))
+        for attempt in range(2):
+            aligned = self._align(points, start, predicted, prior_information)
+            if aligned is None:
+                return unmatched
+            pose, T_returns, information = aligned
+            trust = self._slip(predicted, T_returns, prior, information)
+            if attempt or (trust > LITTLE_SLIP and prior_information is precision):
+                break
+            start, prior_information = pose, trust * precision
+        covariance = np.linalg.inv(information + prior_information)
+        gain = covariance @ information
+        of_returns = np.asarray(gain @ covariance @ gain.T, dtype=np.float64)
+        return _Match(pose, np.asarray(covariance, dtype=np.float64), T_returns, information, of_returns)
+
+    @staticmethod
+    def _surprise(prediction: Prediction) -> Array:
+        """What the window grows by, so that the alternatives to the prediction lie in it."""
+        away = se2.between(prediction.increment, prediction.alternatives)
+        distance = float(np.hypot(away[:, 0], away[:, 1]).max())
+        return np.array([distance, distance, 0.5 * float(np.abs(away[:, 2]).max())])
+
+    def _align(
+        self, points: ScanPoints, start: Array, predicted: Array, prior_information: Array
+    ) -> tuple[Array, Array, Array] | None:
+        """Pose by returns and prediction, pose by the returns alone, and their information; None without overlap."""
+        assert self._map is not None
+        worth = self._sensor.return_information(self._config.tracking.information_scale)
         fine = align(
             self._map.index, SourceClouds.single(points), np.zeros((1, 2), dtype=np.int32), start[None],
-            T_prior=predicted[None], prior_information=prior_information[None] / options.return_weight,
-            options=self._config.alignment,
+            T_prior=predicted[None], prior_information=prior_information[None] / worth,
+            options=self._sensor.alignment,
         )  # fmt: skip
-        if fine.overlap[0] < options.overlap:
-            return predicted, prior
-        information = options.information_scale * fine.information[0] + prior_information
-        return fine.T_target_source[0], np.linalg.inv(information)
+        pose = fine.T_target_source[0]
+        if fine.overlap[0] < self._config.tracking.overlap:
+            return None
+        self._sensor.matched(float(fine.rms[0]))
+        information = without_normal_noise(worth * fine.information[0], self._sensor.normal_variance)
+        return pose, se2.compose(pose, fine.step[0]), information
 
     @staticmethod
-    def _stuck(increment: Array) -> Array:
-        """What the window grows by, so that a robot whose wheels turned while it stood is found where it stood.
+    def _slip(predicted: Array, T_returns: Array, prior: Array, information: Array) -> float:
+        """Weight of a prediction that the returns contradict: wheels slip, so odometry's errors have heavy tails.
 
-        The other way round, odometry that comes late shows no motion first and then all of it at once.
+        It is that of a Student's t distribution (Lange, Little, Taylor 1989). Where the returns tell nothing, as along
+        a corridor, they contradict nothing.
         """
-        distance = np.hypot(increment[0], increment[1])
-        return np.array([distance, distance, 0.5 * abs(increment[2])])
-
-    @staticmethod
-    def _slip(predicted: Array, matched: Array, prior: Array) -> float:
-        """Weight of a prediction that the search contradicts: wheels slip, so odometry's errors have heavy tails.
-
-        It is that of a Student's t distribution (Lange, Little, Taylor 1989).
-        """
-        error = se2.between(predicted, matched)
-        squared = float(error @ np.linalg.solve(prior, error))
+        error = se2.between(predicted, T_returns)
+        # (prior + information^-1)^-1 without inverting what may be singular.
+        weight = np.linalg.solve(np.eye(3) + information @ prior, information)
+        squared = float(error @ weight @ error)
         return (SLIP_FREEDOM + 3) / (SLIP_FREEDOM + max(squared, 3.0))
 
     def _starts_keyframe(self, timestamp: float) -> bool:
@@ -169,7 +245,7 @@ class Tracker:
             or waited >= options.keyframe_seconds
         )
 
-    def _add_keyframe(self, scan: LaserScan, points: ScanPoints) -> int:
+    def _add_keyframe(self, scan: LaserScan, points: ScanPoints, of_returns: Array) -> int:
         step, local, path = self._T_keyframe_robot, np.zeros(3), 0.0
         information: Array = np.zeros((3, 3))
         if len(self._keyframes):
@@ -180,7 +256,7 @@ class Tracker:
         index = self._keyframes.add(
             Keyframe(scan.timestamp, points, scan.T_robot_sensor, local, path, step, information)
         )
-        self._T_keyframe_robot, self._covariance = np.zeros(3), np.zeros((3, 3))
+        self._T_keyframe_robot, self._covariance = np.zeros(3), of_returns
         self._map = self._build_map(index)
         return index
 

@@ -1,9 +1,10 @@
 """Another way down where the first one ended badly.
 
-Rotations first, or a spanning tree, start the solve well as long as the measurements agree with each other roughly.
-Where they do not, the solve may end in a wrong minimum, or creep through a curved valley. The fit tells: noise alone
-gives a cost of about one a degree of freedom. Then a graph that grows from its first pose (`sequential_guess`) is solved
-as well, by the dogleg, which follows curved valleys with fewer steps than Levenberg-Marquardt.
+Rotations first, or a spanning tree, start the solve well as long as the measurements agree with each other
+roughly. Where they do not, the solve may end in a wrong minimum, or creep through a curved valley. The fit
+tells: noise alone gives a cost of about one a degree of freedom. Then a graph that grows from its first pose
+(`sequential_guess`) is solved as well, by the dogleg, which follows curved valleys with fewer steps than
+Levenberg-Marquardt.
 """
 
 from __future__ import annotations

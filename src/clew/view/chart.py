@@ -50,9 +50,9 @@ def describe(axes: Axes, x: str, y: str, theme: Theme, title: str = "") -> None:
         label.set_fontproperties(font(8))
 
 
-def key_above(figure: Figure, handles: Sequence[Line2D], theme: Theme) -> None:
-    """What lines and markers mean, above all axes, where they hide nothing."""
-    box = figure.legend(handles=list(handles), loc="outside upper left", ncols=len(handles), prop=font(8.5),
+def key_below(figure: Figure, handles: Sequence[Line2D], theme: Theme) -> None:
+    """What lines and markers mean, below all axes, where they hide nothing."""
+    box = figure.legend(handles=list(handles), loc="outside lower left", ncols=min(len(handles), 3), prop=font(8.5),
                         frameon=False, borderpad=0.2, columnspacing=1.6)
     for label in box.get_texts():
         label.set_color(theme.ink)

@@ -10,7 +10,7 @@ from matplotlib.lines import Line2D
 from numpy.typing import NDArray
 
 from clew.errors import InputError
-from clew.view.chart import chart, describe, heading, key_to
+from clew.view.chart import chart, describe, heading, key_below
 from clew.view.style import LIGHT, Theme
 
 Array = NDArray[np.float64]
@@ -62,10 +62,10 @@ def error_figure(
         describe(axes, "time, s" if k == dim - 1 else "", name, theme,
                  f"{100.0 * outside[:, k].mean() if count else 0.0:.1f} % outside")
     if dim:
-        key_to(rows[0], [
+        key_below(figure, [
             Line2D([], [], color=theme.trajectory, linewidth=1.2, label="error"),
             Line2D([], [], color=theme.uncertainty, alpha=0.4, linewidth=6.0, label=f"± {sigmas:g} sigma as estimated"),
             Line2D([], [], linestyle="none", marker="o", markersize=4, color=theme.closure, label="outside"),
-        ], theme, "upper left")  # fmt: skip
+        ], theme)  # fmt: skip
     heading(figure, title, theme)
     return figure

@@ -10,7 +10,7 @@ from scipy.stats import chi2
 
 from clew.evaluate import ROLES, FactorResiduals
 from clew.graph import Role
-from clew.view.chart import chart, describe, heading, key_above
+from clew.view.chart import chart, describe, heading, key_below
 from clew.view.style import LIGHT, Theme, font
 
 Index = NDArray[np.int64]
@@ -76,6 +76,6 @@ def residuals_figure(
         label.set_fontproperties(font(9))
     handles.append(Line2D([], [], color=theme.ink, linewidth=1.0, dashes=(4.0, 2.5),
                           label="1 % above if the noise is as stated"))
-    key_above(figure, handles, theme)
+    key_below(figure, handles, theme)
     heading(figure, title, theme)
     return figure

@@ -70,11 +70,11 @@ class BrowserViewer:
         self.feed.publish(replace(self.feed.newest(), stage=stage))
 
     def finish(self, stage: str = "finished") -> None:
-        """Say that no frame will follow; pages keep the last one."""
-        self.feed.publish(replace(self.feed.newest(), stage=stage, last=True))
+        """Say that no frame will follow; pages keep the last one. What is said first counts."""
+        if not self.feed.newest().last:
+            self.feed.publish(replace(self.feed.newest(), stage=stage, last=True))
 
     def close(self, stage: str = "finished") -> None:
         """Say that no frame will follow and stop the server as soon as open pages have the last one."""
-        if not self.feed.newest().last:
-            self.finish(stage)
+        self.finish(stage)
         self.server.close()

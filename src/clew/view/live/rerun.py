@@ -84,7 +84,7 @@ class RerunViewer:
         if title:
             self._stream.send_recording_name(title)
         self._maker = FrameMaker(total)
-        self._stage = "mapping"
+        self._stage, self._ended = "mapping", False
         self._next = self._next_map = 0.0
 
     def __enter__(self) -> RerunViewer:
@@ -113,13 +113,14 @@ class RerunViewer:
         self._stream.log("stage", self._rr.TextLog(stage))
 
     def finish(self, stage: str = "finished") -> None:
-        """Say that no frame will follow."""
-        self.stage(stage)
+        """Say that no frame will follow. What is said first counts."""
+        if not self._ended:
+            self._ended = True
+            self.stage(stage)
 
     def close(self, stage: str = "finished") -> None:
         """Say that no frame will follow and hand over what is still to be written."""
-        if self._stage != stage:
-            self.finish(stage)
+        self.finish(stage)
         try:
             self._stream.flush(timeout_sec=FLUSH_SECONDS)
         except Exception as error:  # the viewer was closed; the library's own errors are of many kinds

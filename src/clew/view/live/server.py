@@ -61,7 +61,7 @@ class LiveServer:
             raise InputError(f"the live view cannot listen at {host}, port {port} ({error}); "
                              "choose another --live-host or --live-port") from None
         self.host, self.port = host, int(self._http.server_address[1])
-        self._names = {host.lower(), "localhost", socket.gethostname().lower()}
+        self._names = {host.lower(), "localhost", socket.gethostname().lower()} - {""}
         self._thread = threading.Thread(target=self._http.serve_forever, kwargs={"poll_interval": 0.2},
                                         name="clew live view", daemon=True)
         self._thread.start()

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from clew.mapping import OccupancyGrid
-from clew.place import Closure
+if TYPE_CHECKING:
+    from clew.mapping import OccupancyGrid
+    from clew.place import Closure
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]

@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from clew.place import Closure
 from clew.view.report.content import Landmarks, Path, Scene
 from clew.view.report.encode import pack, pack_grid, pack_scans
+
+if TYPE_CHECKING:
+    from clew.place import Closure
 
 Array = NDArray[np.float64]
 
@@ -51,6 +54,7 @@ def scene_data(scene: Scene) -> dict[str, object]:
 
 def _centre(scene: Scene) -> Array:
     points = np.concatenate([scene.positions, scene.landmarks.positions.reshape(-1, scene.dim)])
+    points = points[np.isfinite(points).all(axis=1)]
     return np.round(points.mean(axis=0)) if len(points) else np.zeros(scene.dim)
 
 

@@ -5,12 +5,14 @@ from __future__ import annotations
 import base64
 import io
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-from clew.mapping import OccupancyGrid
+if TYPE_CHECKING:
+    from clew.mapping import OccupancyGrid
 
 Array = NDArray[np.float64]
 

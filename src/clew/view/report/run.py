@@ -13,9 +13,9 @@ from clew.io import LogHealth, StreamHealth
 from clew.mapping import OccupancyGrid
 from clew.place import Closure, Verdict
 from clew.slam import Slam, Trajectory
-from clew.solve import optimize
 from clew.view.report.content import Chart, Focus, Note, Path, Report, Scene, Section, Table
-from clew.view.report.graph import GraphView, moment, view_graph
+from clew.view.report.graph import GraphView, view_graph
+from clew.view.report.graph_notes import moment
 from clew.view.report.words import capital, counted, degrees, duration, listed, metres
 
 Array = NDArray[np.float64]
@@ -41,8 +41,7 @@ def report_of_run(
         truth: true poses at the times of the trajectory, in its frame, where they are known.
     """
     keyframes, trajectory, odometry = slam.keyframes, slam.trajectory, slam.odometry
-    solution = optimize(slam.graph, init="file", max_iterations=0)  # the Gaussian around the poses as they are
-    graph = view_graph(solution, times=keyframes.timestamps, robots=("robot",))
+    graph = view_graph(slam.solution(), times=keyframes.timestamps, robots=("robot",))
     paths = [Path("trajectory", "trajectory", 0, trajectory.timestamps, trajectory.T_world_robot)]
     if len(odometry):
         paths.append(Path("odometry alone", "odometry", 0, odometry.timestamps, odometry.T_world_robot))
@@ -55,10 +54,10 @@ def report_of_run(
         slip = odometry_slip(odometry.timestamps, odometry.T_world_robot, trajectory.T_world_robot)
     skipped = dict(skipped or {})
     notes = [*_unfinished(complete), *_closure_notes(closures, scene), *graph.notes, *_slip_notes(slip, scene),
-             *_log_notes(health), *_left_out(skipped)]
+             *_pruned(slam, closures), *_log_notes(health), *_left_out(skipped)]
     rank = {"check": 0, "know": 1, "good": 2}
     notes.sort(key=lambda note: rank[note.level])
-    return Report(title, "run", _lead(slam, grid, graph, closures, truth), notes, scene,
+    return Report(title, "run", _lead(slam, grid, graph, truth), notes, scene,
                   [_log_section(health, skipped, slip, scene), replace(graph.section, tables=[
                       _verdicts(closures), *graph.section.tables])])
 
@@ -71,17 +70,16 @@ def _between_rows(closures: list[Closure], numbers: NDArray[np.int64]) -> list[C
     return sorted(shown, key=lambda c: (c.source, c.target, c.verdict.name))
 
 
-def _lead(slam: Slam, grid: OccupancyGrid, graph: GraphView, closures: list[Closure],
-          truth: Trajectory | None) -> list[str]:
+def _lead(slam: Slam, grid: OccupancyGrid, graph: GraphView, truth: Trajectory | None) -> list[str]:
     trajectory = slam.trajectory
     # From keyframe to keyframe: the noise of single scans would add up to a way of its own.
-    way = float(np.hypot(*np.diff(slam.keyframes.T_world_robot[:, :2], axis=0).T).sum())
+    way = float(np.hypot(*np.diff(slam.every_keyframe.T_world_robot[:, :2], axis=0).T).sum())
     lasted = float(np.ptp(trajectory.timestamps)) if len(trajectory) else 0.0
     height, width = (side * grid.resolution for side in grid.shape)
     lines = [f"The robot drove {metres(way)} in {duration(lasted)}; {counted(len(trajectory), 'scan')} became "
              f"{counted(len(slam.keyframes), 'keyframe')} and a map of {width:.0f} m by {height:.0f} m."]
-    believed = sum(c.verdict is Verdict.CONFIRMED for c in closures)
-    others = sum(c.verdict not in (Verdict.CONFIRMED, Verdict.REDUNDANT) for c in closures)
+    believed = len(slam.closures)
+    others = sum(c.verdict is not Verdict.REDUNDANT for c in slam.rejected_closures)
     if believed:
         lines.append(f"It recognised places it had been to: {counted(believed, 'loop closure')} "
                      f"{'is' if believed == 1 else 'are'} believed, {counted(others, 'candidate')} turned down.")
@@ -134,6 +132,13 @@ def _closure_notes(closures: list[Closure], scene: Scene) -> list[Note]:
                           f"{degrees(c.innovation[1])}, at {moment(scene, c.source)}: if the map looks doubled or "
                           "bent, look at it first.", "know", Focus("closure", far)))
     return notes
+
+
+def _pruned(slam: Slam, closures: list[Closure]) -> list[Note]:
+    hidden = len(slam.closures) + len(slam.rejected_closures) - len(closures)
+    return [] if not hidden else [Note(
+        f"{counted(hidden, 'closure')}, believed or not, of keyframes that were summarised since have no place on the "
+        "map any more; closures.csv has all of them.", "know")]
 
 
 def _slip_notes(slip: OdometrySlip | None, scene: Scene) -> list[Note]:

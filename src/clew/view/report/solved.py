@@ -10,9 +10,10 @@ from numpy.typing import NDArray
 
 from clew.geometry import SE2, SE3, se2
 from clew.noise import Kernel
-from clew.solve import Solution, optimize
+from clew.solve import Solution
 from clew.view.report.content import Note, Path, Report
-from clew.view.report.graph import CHI2_95, GraphView, view_graph
+from clew.view.report.graph import GraphView, view_graph
+from clew.view.report.graph_notes import CHI2_95
 from clew.view.report.words import counted, duration, listed, metres, number
 
 if TYPE_CHECKING:  # a solve alone shall not load the pipelines
@@ -73,14 +74,20 @@ def report_of_merge(merged: MergedFleet) -> Report:
                   [graph.section])
 
 
-def report_of_landmarks(found: LandmarkMap, title: str, skipped: dict[str, int]) -> Report:
-    """What robots that recognise landmarks mapped."""
+def report_of_landmarks(found: LandmarkMap, solution: Solution, title: str, skipped: dict[str, int]) -> Report:
+    """What robots that recognise landmarks mapped.
+
+    Args:
+        found: the robots and landmarks.
+        solution: of ``found.graph``.
+        title: name of the log.
+        skipped: records left out, by reason.
+    """
     graph_keys = np.concatenate([robot.keys for robot in found.robots])
     order = np.argsort(graph_keys)
     robot = np.repeat(np.arange(len(found.robots)), [len(r.keys) for r in found.robots])[order]
     times = np.concatenate([r.timestamps for r in found.robots])[order]
     covariances = np.concatenate([r.covariances for r in found.robots])[order]
-    solution = _plain(found)
     names = tuple(f"robot {r.robot}" for r in found.robots)
     graph = view_graph(solution, times=times, robot=robot, robots=names, covariances=covariances)
     place = {int(key): row for row, key in enumerate(found.identity)}
@@ -124,10 +131,6 @@ def report_of_features(found: FeatureMap, title: str, skipped: dict[str, int]) -
     left = [f"{n:,} × {reason}" for reason, n in skipped.items()] + [f"{none:,} × sighting of no landmark"] * (none > 0)
     notes = [Note("Left out: " + listed(left) + ".", "know")] if left else []
     return Report(title, "run", lead, [*graph.notes, *notes], scene, [graph.section])
-
-
-def _plain(found: LandmarkMap) -> Solution:
-    return optimize(found.graph, init="file", max_iterations=0)
 
 
 def _onto(poses: Array, first: Array) -> Array:

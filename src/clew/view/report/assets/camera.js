@@ -49,7 +49,7 @@ class Camera {
 
   /** See a box; `box` is [x0, x1, y0, y1] on the screen's plane. */
   fit(box, margin = 0.06) {
-    const w = Math.max(box[1] - box[0], 1e-3), h = Math.max(box[3] - box[2], 1e-3);
+    const w = Math.max(box[1] - box[0], 0.5), h = Math.max(box[3] - box[2], 0.5);
     this.x = (box[0] + box[1]) / 2;
     this.y = (box[2] + box[3]) / 2;
     this.scale = Math.min(this.width / w, this.height / h) * (1 - 2 * margin);
@@ -96,6 +96,7 @@ class Projection {
     this.refresh();
     const box = [Infinity, -Infinity, Infinity, -Infinity];
     const grow = (x, y) => {
+      if (!(Math.abs(x) + Math.abs(y) < Infinity)) return; // a solve that failed may leave anything
       box[0] = Math.min(box[0], x);
       box[1] = Math.max(box[1], x);
       box[2] = Math.min(box[2], y);

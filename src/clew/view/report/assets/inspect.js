@@ -224,17 +224,18 @@ class Inspector {
     const poseOf = (i) => [scene.vertex[0][i], scene.vertex[1][i], scene.heading[i]];
     const now = between(poseOf(target), poseOf(source));
     const apart = closure.measured && between(now, closure.measured);
+    const matched = closure.overlap > 0; // otherwise the search found no pose worth aligning
     const group = [...scene.closures.keys()].filter((k) => (scene.closures[k].verdict === BELIEVED) === believed);
     const place = group.indexOf(row);
     const kinds = [['before', closure.predicted, 'Before: where the graph expected it'],
-      ['after', believed ? now : closure.measured, believed ? 'After: in the map' : 'As matched, had it been believed']];
+      ['after', believed ? now : matched && closure.measured, believed ? 'After: in the map' : 'As matched, had it been believed']];
     const views = scene.scans && make('div', { class: 'pair' }, ...kinds.map(([id, T, caption]) => make('figure', {},
       make('canvas', { 'data-overlay': id, role: 'img', 'aria-label': `Both scans. ${caption}` }),
-      make('figcaption', {}, T ? caption : 'Nothing was expected'))));
+      make('figcaption', {}, T ? caption : id === 'before' ? 'Nothing was expected' : 'No single pose was found'))));
     if (views) {
       const both = (T) => [{ points: scene.scans.of(target), T: [0, 0, 0], colour: colours.scan },
         ...(T ? [{ points: scene.scans.of(source), T, colour: colours.other }] : [])];
-      const box = boxOf(both(kinds[1][1])); // the same for both, so that they can be compared
+      const box = boxOf(both(kinds[1][1] || kinds[0][1])); // the same for both, so that they can be compared
       this.redraw = () => kinds.forEach(([id, T]) => drawScans(views.querySelector(`[data-overlay=${id}]`), both(T), box));
     }
     const swatch = (colour) => make('span', { class: 'swatch', style: `background:${colour}` });
@@ -249,10 +250,10 @@ class Inspector {
       facts([
         ['places look alike', percent(closure.similarity)],
         ['returns likely at the match', percent(closure.likelihood)],
-        ['returns with a partner', percent(closure.overlap)],
-        ['distance of partners (RMS)', metres(closure.rms)],
-        ['returns in free space', percent(closure.contradiction)],
-        ['moved from what was expected', `${metres(closure.innovation[0])}, ${degrees(closure.innovation[1])}`],
+        ...(matched ? [['returns with a partner', percent(closure.overlap)],
+          ['distance of partners (RMS)', metres(closure.rms)],
+          ['returns in free space', percent(closure.contradiction)],
+          ['moved from what was expected', `${metres(closure.innovation[0])}, ${degrees(closure.innovation[1])}`]] : []),
         ...(believed && apart ? [['match and map differ by', `${metres(Math.hypot(apart[0], apart[1]))}, ${degrees(apart[2])}`]] : []),
         ['from', this.link({ kind: 'pose', row: source, last: -1 })], ['to', this.link({ kind: 'pose', row: target, last: -1 })],
       ]),

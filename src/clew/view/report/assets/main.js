@@ -88,7 +88,8 @@ function bringIntoView(next) {
     const [x, y] = [projection.u[i], projection.v[i]];
     box = [Math.min(box[0], x), Math.max(box[1], x), Math.min(box[2], y), Math.max(box[3], y)];
   }
-  const around = Math.max(next.kind === 'span' ? 2 : 6, 0.25 * Math.max(box[1] - box[0], box[3] - box[2])) * (scene.grid ? 1 : 20 / camera.least / 6);
+  const room = (next.kind === 'span' ? 0.35 : 1) * (scene.grid ? 6 : 20 / camera.least); // of a map as far as a laser sees
+  const around = Math.max(room, 0.25 * Math.max(box[1] - box[0], box[3] - box[2]));
   if (next.kind === 'closure' || next.kind === 'span' || next.kind === 'edge') {
     camera.fit([box[0] - around, box[1] + around, box[2] - around, box[3] + around]);
   } else {

@@ -259,9 +259,10 @@ class Ground {
     }
     const outside = !same || Math.abs(dx) > made.margin || Math.abs(dy) > made.margin;
     const stale = outside || zoom !== 1;
-    const makeshift = same && stale && !resting && this.cost > 12 && zoom > 0.5 && zoom < 2 && (zoom !== 1);
+    const reach = this.cost > 60 ? 4 : 2; // how far a picture that is costly to make is stretched meanwhile
+    const makeshift = same && zoom !== 1 && !resting && this.cost > 12 && zoom > 1 / reach && zoom < reach;
     if (stale && !makeshift) {
-      this.make(camera, until, ratio, until === Infinity && resting !== 'moving');
+      this.make(camera, until, ratio, until === Infinity);
       dx = dy = 0;
       zoom = 1;
     }

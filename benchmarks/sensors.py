@@ -1,0 +1,222 @@
+"""One configuration for many sensors: errors against simulated truth, honesty of covariances, sweeps, broken odometry.
+
+    python benchmarks/sensors.py                      # lasers x worlds
+    python benchmarks/sensors.py --worlds hall --seeds 1 2 3
+    python benchmarks/sensors.py --sweep              # a slow spinning laser, with and without its sweep time told
+    python benchmarks/sensors.py --odometry           # as it comes, five times as bad, frozen, noise, none
+
+Everything runs in this process, refinement included where an ATE is given. Normalised errors are those of the steps
+between keyframes that the front end hands to the graph: the squared Mahalanobis distance to the truth over its three
+degrees of freedom is one where the covariance is right, less where it is cautious; and so many lie within their 95 %
+ellipse. "Weak" is the error along the direction of translation that is known worst, as along a corridor.
+"""
+
+from __future__ import annotations
+
+import argparse
+import time
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from clew.evaluate import absolute_trajectory_error
+from clew.geometry import se2
+from clew.motion import Odometry
+from clew.scan import LaserScan
+from clew.sim import (
+    Drive,
+    LaserModel,
+    OdometryModel,
+    SimulatedLog,
+    Slips,
+    World,
+    disturbed,
+    drive,
+    hall,
+    long_corridor,
+    office_building,
+    simulate,
+    tour,
+)
+from clew.slam import Slam
+from lidar import print_table
+
+Array = NDArray[np.float64]
+Stream = Iterable[LaserScan | Odometry]
+
+INSIDE = 7.815  # 95 % of chi-squared with three degrees of freedom
+WORLDS: dict[str, Callable[[int], World]] = {
+    "office": office_building,
+    "corridor": long_corridor,
+    "bare corridor": lambda seed: long_corridor(seed, length=100.0, features=3),
+    "hall": hall,
+    "sparse": lambda seed: hall(seed, width=80.0, depth=60.0, pillars=25),
+}
+
+
+@dataclass(frozen=True)
+class Sensor:
+    """A laser and how often it scans, Hz."""
+
+    laser: LaserModel
+    rate: float
+
+
+def _laser(beams: int, degrees: float, sigma: float, reach: float, rate: float, **more: float) -> Sensor:
+    return Sensor(LaserModel(beams, np.radians(degrees), sigma_range=sigma, range_max=reach, **more), rate)
+
+
+SENSORS = {
+    "181 beams, 180°, 1 cm, 80 m, 5 Hz": _laser(181, 180, 0.01, 80, 5, resolution=0.01),
+    "361 beams, 180°, 5 mm, 80 m, 5 Hz": _laser(361, 180, 0.005, 80, 5, resolution=0.001),
+    "1081 beams, 270°, 1 cm, 30 m, 40 Hz": _laser(1081, 270, 0.01, 30, 40, resolution=0.001),
+    "682 beams, 240°, 1 cm, 5.6 m, 10 Hz": _laser(682, 240, 0.01, 5.6, 10, range_min=0.02, resolution=0.001),
+    "1800 beams, 360°, 1 cm, 40 m, 10 Hz": _laser(1800, 359.8, 0.01, 40, 10, resolution=0.001),
+    "360 beams, 360°, 3 cm, 8 m, 7 Hz": _laser(360, 359, 0.03, 8, 7, resolution=0.001, dropout=0.03),
+    "360 beams, 360°, 2 cm, 12 m, 2 Hz": _laser(360, 359, 0.02, 12, 2, resolution=0.001, dropout=0.03),
+}
+
+SPINNING = _laser(450, 359.2, 0.01, 12, 10, range_min=0.02, resolution=0.001)
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """Attributes: the run, its errors, and its time against that of the log."""
+
+    slam: Slam
+    ate: float
+    largest: float
+    degrees: float
+    times_real: float
+
+
+def estimate(log: SimulatedLog, stream: Stream, odometry: bool = True) -> Outcome:
+    """Run the pipeline on a stream of a log's measurements."""
+    slam = Slam(use_odometry=odometry)
+    began = time.process_time()
+    for measurement in stream:
+        if odometry or isinstance(measurement, LaserScan):
+            slam.add(measurement)
+    slam.refine()
+    seconds = time.process_time() - began
+    run = slam.trajectory
+    error = absolute_trajectory_error(log.timestamps, log.T_world_robot, run.timestamps, run.T_world_robot)
+    return Outcome(slam, error.translation.rmse, error.translation.max, float(np.degrees(error.rotation.rmse)),
+                   log.duration / seconds)
+
+
+def normalised_errors(log: SimulatedLog, slam: Slam) -> tuple[float, float, float]:
+    """Of the steps between keyframes: mean over three, share inside the 95 % ellipse, mean in the weakest direction."""
+    edges = next(block for block in slam.graph.blocks() if block.role.name == "ODOMETRY")
+    stamps = slam.keyframes.timestamps
+    truth = log.T_world_robot[np.searchsorted(log.timestamps, stamps)]
+    first, second = edges.keys.T
+    error = se2.between(se2.between(truth[first], truth[second]), np.asarray(edges.measurement).reshape(-1, 3))
+    squared = np.einsum("mi,mij,mj->m", error, edges.information, error)
+    values, vectors = np.linalg.eigh(np.linalg.inv(edges.information)[:, :2, :2])
+    weak = np.einsum("mi,mi->m", error[:, :2], vectors[:, :, 1]) ** 2 / values[:, 1]
+    return float(squared.mean() / 3), float(np.mean(squared <= INSIDE)), float(weak.mean())
+
+
+def record(world: World, sensor: Sensor, odometry: OdometryModel, seed: int, duration: float) -> SimulatedLog:
+    """A drive through a world."""
+    driven: Drive = drive(tour(world, seed, 1.2 * duration), rate=sensor.rate, duration=duration)
+    return simulate(world, driven, sensor.laser, odometry, seed)
+
+
+def sensors(worlds: list[str], seeds: list[int], duration: float) -> None:
+    """All lasers in all worlds."""
+    rows = []
+    for name, sensor in SENSORS.items():
+        for kind in worlds:
+            for seed in seeds:
+                log = record(WORLDS[kind](seed), sensor, OdometryModel.medium(), seed, duration)
+                run = estimate(log, log.measurements())
+                mean, inside, weak = normalised_errors(log, run.slam)
+                noise = float(str(run.slam.sensor["laser"]["range_noise_m"]))  # type: ignore[index]
+                rows.append([f"{name}; {kind} {seed}", f"{run.ate:.4f}", f"{run.largest:.3f}", f"{run.degrees:.3f}",
+                             f"{100 * noise:.2f}", f"{mean:.2f}", f"{100 * inside:.0f}", f"{weak:.2f}",
+                             f"{run.times_real:.0f}"])
+    print_table(["laser; world", "ATE m", "max m", "deg", "range noise found: cm", "normalised errors", "inside: %",
+                 "weak", "× real time (CPU)"], rows)
+
+
+def sweeps(worlds: list[str], seeds: list[int], duration: float) -> None:
+    """A laser that takes the whole time between two scans for its turn."""
+    rows = []
+    for kind in worlds:
+        for seed in seeds:
+            for told, sweep in (("none", 0.0), ("not told", 0.1), ("told", 0.1)):
+                laser = replace(SPINNING.laser, sweep=sweep)
+                log = record(WORLDS[kind](seed), Sensor(laser, SPINNING.rate), OdometryModel.medium(), seed, duration)
+                run = estimate(log, untold(log.measurements()) if told == "not told" else log.measurements())
+                rows.append([f"{kind} {seed}", told, f"{run.ate:.4f}", f"{run.largest:.3f}", f"{run.degrees:.3f}"])
+    print_table(["world", "sweep of 0.1 s", "ATE m", "max m", "deg"], rows)
+
+
+def untold(stream: Stream) -> Iterator[LaserScan | Odometry]:
+    """Scans without the time between their beams."""
+    for m in stream:
+        yield replace(m, time_increment=0.0) if isinstance(m, LaserScan) else m
+
+
+def frozen(stream: Stream) -> Iterator[LaserScan | Odometry]:
+    """Odometry that stands still."""
+    for m in stream:
+        yield Odometry(m.timestamp, np.zeros(3)) if isinstance(m, Odometry) else m
+
+
+def noise(stream: Stream) -> Iterator[LaserScan | Odometry]:
+    """Odometry that is noise of a metre and a radian."""
+    rng = np.random.default_rng(1)
+    for m in stream:
+        yield Odometry(m.timestamp, rng.standard_normal(3)) if isinstance(m, Odometry) else m
+
+
+def odometries(worlds: list[str], seeds: list[int], duration: float) -> None:
+    """Odometry of all kinds, one laser."""
+    sensor = SENSORS["361 beams, 180°, 5 mm, 80 m, 5 Hz"]
+    medium = OdometryModel.medium()
+    more = OdometryModel(sigma_distance=5 * medium.sigma_distance, sigma_side=5 * medium.sigma_side,
+                         sigma_turn=5 * medium.sigma_turn, sigma_drift=5 * medium.sigma_drift)
+    rows = []
+    for kind in worlds:
+        for seed in seeds:
+            log = record(WORLDS[kind](seed), sensor, medium, seed, duration)
+            conditions: dict[str, tuple[Stream, bool]] = {
+                "as it comes": (log.measurements(), True),
+                "five times as bad, with slips": (disturbed(log, more, seed, Slips()), True),
+                "frozen": (frozen(log.measurements()), True),
+                "noise": (noise(log.measurements()), True),
+                "none": (log.measurements(), False),
+            }
+            for name, (stream, used) in conditions.items():
+                run = estimate(log, stream, used)
+                found = run.slam.sensor.get("odometry")
+                forward, unused = "-", "-"
+                if isinstance(found, dict):
+                    forward = f"{100 * found['noise_per_sqrt_metre']['forward']:.1f}"
+                    unused = str(found["matches_without_it"])
+                rows.append([f"{kind} {seed}", name, f"{run.ate:.4f}", f"{run.largest:.3f}", f"{run.degrees:.3f}",
+                             forward, unused, f"{run.slam.scan_count}"])
+    print_table(["world", "odometry", "ATE m", "max m", "deg", "noise found: cm after a metre", "matches without it",
+                 "scans"], rows)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--worlds", nargs="+", choices=list(WORLDS), default=list(WORLDS))
+    parser.add_argument("--seeds", type=int, nargs="+", default=[1])
+    parser.add_argument("--duration", type=float, default=150.0, help="of the drives, seconds")
+    table = parser.add_mutually_exclusive_group()
+    table.add_argument("--sweep", action="store_true", help="a slow spinning laser")
+    table.add_argument("--odometry", action="store_true", help="odometry of all kinds")
+    options = parser.parse_args()
+    show = sweeps if options.sweep else odometries if options.odometry else sensors
+    show(options.worlds, options.seeds, options.duration)
+
+
+if __name__ == "__main__":
+    main()

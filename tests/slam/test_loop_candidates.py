@@ -1,0 +1,63 @@
+"""Candidates by appearance: found however far the graph is off, and whichever way the robot faces."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from clew.geometry import SE2, se2
+from clew.place import Verdict
+from clew.sim import DriveModel, LaserModel, OdometryModel, drive, hall, simulate
+from clew.slam import Slam
+from clew.slam.loop_candidates import find_candidates
+from slam.drives import mapped
+
+Array = NDArray[np.float64]
+
+
+@pytest.fixture(scope="module")
+def out_and_back() -> tuple[Slam, Array]:
+    """Thirty metres through a hall and back, facing the other way, with a laser that sees all around; true poses."""
+    world = hall(3)
+    way = np.array([[3.0, 3.0], [34.0, 3.0], [3.0, 3.0]])
+    driven = drive(way, rate=4.0, model=DriveModel(turn_round=1.5))
+    log = simulate(world, driven, LaserModel(beams=361, field_of_view=2 * np.pi), OdometryModel.good(), 3)
+    slam = mapped(log)
+    rows = np.searchsorted(log.timestamps, slam.every_keyframe.timestamps)
+    return slam, log.T_world_robot[rows]
+
+
+def test_a_place_is_found_after_thirty_metres_of_drift_with_the_robot_facing_the_other_way(
+    out_and_back: tuple[Slam, Array]
+) -> None:
+    slam, truth = out_and_back
+    closer = slam._closer
+    graph = closer._graph.graph.copy()
+    source = len(truth) - 12
+    anchors = closer._places.anchors_before(source)
+    nearest = int(anchors[np.hypot(*(truth[anchors, :2] - truth[source, :2]).T).argmin()])
+    assert abs(se2.between(truth[nearest], truth[source])[2]) > 2.5
+    # The robot is believed 30 m beside, and the graph says that it does not know better.
+    poses = closer._graph.poses.copy()
+    poses[source] = se2.compose(poses[source], np.array([0.0, 30.0, 0.3]))
+    closer._graph.set_poses(poses)
+
+    class Lost:
+        poses = closer._graph.poses
+
+        @staticmethod
+        def relative_covariances(source: int, targets: NDArray[np.int64]) -> Array:
+            return np.tile(np.diag([60.0, 60.0, 0.05]), (len(targets), 1, 1))
+
+    query = closer._places.query(source)
+    candidates = find_candidates(Lost(), closer._places, query, slam.config.closing)  # type: ignore[arg-type]  # a stand-in
+    closer._graph.set_poses(np.asarray(graph.values(SE2).array))
+    matches = [closer._match(query, c) for c in candidates]
+    found = [m for m in matches if m.verdict in (Verdict.WAITING, Verdict.DISAGREES)]
+    assert found
+    for match in found:
+        off = se2.between(se2.between(truth[match.target], truth[match.source]), match.T_target_source)
+        assert np.hypot(off[0], off[1]) < 0.1
+        assert abs(off[2]) < 0.02
+    assert max(m.innovation[0] for m in found) > 25.0

@@ -1,0 +1,124 @@
+"""Sensors that are learnt from the log: noise, broken odometry, sweeps, honest covariances."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from clew.evaluate import absolute_trajectory_error
+from clew.geometry import se2
+from clew.motion import Odometry
+from clew.scan import LaserScan, without_normal_noise
+from clew.sim import (
+    LaserModel,
+    OdometryModel,
+    SimulatedLog,
+    Slips,
+    disturbed,
+    drive,
+    hall,
+    long_corridor,
+    simulate,
+    tour,
+)
+from clew.slam import Slam
+
+
+def drive_in(kind: str, laser: LaserModel, rate: float = 5.0, seconds: float = 60.0) -> SimulatedLog:
+    world = hall(1) if kind == "hall" else long_corridor(1, features=0, length=100.0)
+    return simulate(world, drive(tour(world, 1, 2 * seconds), rate=rate, duration=seconds), laser,
+                    OdometryModel.medium(), 1)
+
+
+def mapped(stream: Iterable[LaserScan | Odometry]) -> Slam:
+    slam = Slam()
+    for measurement in stream:
+        slam.add(measurement)
+    return slam
+
+
+def error(log: SimulatedLog, slam: Slam) -> float:
+    run = slam.trajectory
+    found = absolute_trajectory_error(log.timestamps, log.T_world_robot, run.timestamps, run.T_world_robot)
+    return float(found.translation.rmse)
+
+
+def steps(log: SimulatedLog, slam: Slam) -> tuple[np.ndarray, np.ndarray]:
+    """Errors ``(m, 3)`` and information of the steps between keyframes."""
+    edges = next(block for block in slam.graph.blocks() if block.role.name == "ODOMETRY")
+    truth = log.T_world_robot[np.searchsorted(log.timestamps, slam.keyframes.timestamps)]
+    first, second = edges.keys.T
+    measured = np.asarray(edges.measurement).reshape(-1, 3)
+    return se2.between(se2.between(truth[first], truth[second]), measured), edges.information
+
+
+@pytest.mark.parametrize("sigma", [0.005, 0.01, 0.03])
+def test_covariances_are_those_of_the_errors_at_any_noise(sigma: float) -> None:
+    log = drive_in("hall", LaserModel(181, sigma_range=sigma, resolution=0.001))
+    slam = mapped(log.measurements())
+    laser = slam.sensor["laser"]
+    assert isinstance(laser, dict)
+    assert laser["range_noise_m"] == pytest.approx(sigma, rel=0.1)
+    errors, information = steps(log, slam)
+    squared = np.einsum("mi,mij,mj->m", errors, information, errors)
+    assert 0.4 < squared.mean() / 3 < 1.4
+    assert np.mean(squared <= 7.815) > 0.88
+
+
+def test_a_bare_corridor_does_not_tell_how_far_along_the_robot_is() -> None:
+    log = drive_in("corridor", LaserModel(361, sigma_range=0.01, range_max=8.0))
+    errors, information = steps(log, mapped(log.measurements()))
+    covariance = np.linalg.inv(information)
+    along, across = np.sqrt(covariance[:, 0, 0]), np.sqrt(covariance[:, 1, 1])
+    assert np.median(along) > 3 * np.median(across)
+    assert np.mean(errors[:, 0] ** 2 / covariance[:, 0, 0]) < 1.5
+
+
+def test_noise_of_normals_is_taken_out_of_the_weak_direction_alone() -> None:
+    lines = np.diag([2.0, 100.0, 50.0])
+    clean = without_normal_noise(lines[None], 0.01)[0]
+    np.testing.assert_allclose(np.diag(clean), [1.0, 99.98, 50.0], rtol=1e-6)
+    assert without_normal_noise(np.diag([0.5, 100.0, 50.0]), 0.01)[0, 0] < 1e-4
+    assert not without_normal_noise(np.zeros((3, 3)), 0.01).any()
+
+
+def frozen(log: SimulatedLog) -> Iterable[LaserScan | Odometry]:
+    return (Odometry(m.timestamp, np.zeros(3)) if isinstance(m, Odometry) else m for m in log.measurements())
+
+
+def senseless(log: SimulatedLog) -> Iterable[LaserScan | Odometry]:
+    rng = np.random.default_rng(2)
+    for m in log.measurements():
+        yield Odometry(m.timestamp, rng.standard_normal(3)) if isinstance(m, Odometry) else m
+
+
+def worse(log: SimulatedLog) -> Iterable[LaserScan | Odometry]:
+    noise = OdometryModel(sigma_distance=0.1, sigma_side=0.03, sigma_turn=0.06, sigma_drift=0.02)
+    return disturbed(log, noise, 1, Slips())
+
+
+@pytest.mark.parametrize("broken", [frozen, senseless, worse])
+def test_broken_odometry_does_not_break_the_map(broken: object) -> None:
+    assert callable(broken)
+    log = drive_in("hall", LaserModel(181), seconds=40.0)
+    slam = mapped(broken(log))
+    assert error(log, slam) < 0.02
+    plain = mapped(log.measurements())
+    before, after = (s.sensor["odometry"] for s in (plain, slam))
+    assert isinstance(before, dict)
+    assert isinstance(after, dict)
+    assert after["noise_per_sqrt_metre"]["forward"] > 2 * before["noise_per_sqrt_metre"]["forward"]
+    assert before["matches_without_it"] == 0
+
+
+def test_a_sweep_whose_time_is_told_does_no_harm() -> None:
+    laser = LaserModel(450, np.radians(359.2), range_min=0.02, range_max=12.0, sweep=0.1)
+    log = drive_in("hall", laser, rate=10.0, seconds=20.0)
+    told = error(log, mapped(log.measurements()))
+    untold = error(log, mapped(
+        replace(m, time_increment=0.0) if isinstance(m, LaserScan) else m for m in log.measurements()))
+    assert told < 0.02
+    assert untold > 2 * told
