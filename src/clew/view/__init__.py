@@ -6,27 +6,6 @@ writes; ``save_*_png`` write pictures that are laid out pixel by pixel. All take
 The names are loaded when they are first used: a report needs no matplotlib, and a picture no browser page.
 """
 
-<<<<<<< HEAD
-from clew.view.convergence import cost_figure
-from clew.view.errors import error_figure
-from clew.view.graph import before_after_figure, graph_figure
-from clew.view.landmarks import save_landmarks_png
-from clew.view.map import save_map_png
-from clew.view.overview import save_overview_png
-from clew.view.report import (
-    Report,
-    report_of_features,
-    report_of_landmarks,
-    report_of_merge,
-    report_of_run,
-    report_of_solution,
-    write_report,
-)
-from clew.view.residuals import residuals_figure
-from clew.view.scene import Scene, graph_scene, solution_scene
-from clew.view.sparsity import sparsity_figure
-from clew.view.style import DARK, LIGHT, Theme, save_figure
-=======
 from __future__ import annotations
 
 from importlib import import_module
@@ -42,7 +21,7 @@ if TYPE_CHECKING:
     from clew.view.report.content import Report
     from clew.view.report.page import write_report
     from clew.view.report.run import report_of_run
-    from clew.view.report.solved import report_of_landmarks, report_of_merge, report_of_solution
+    from clew.view.report.solved import report_of_features, report_of_landmarks, report_of_merge, report_of_solution
     from clew.view.residuals import residuals_figure
     from clew.view.scene import Scene, graph_scene, solution_scene
     from clew.view.sparsity import sparsity_figure
@@ -59,13 +38,14 @@ _MODULES = {
     "Report": "report.content",
     "write_report": "report.page",
     "report_of_run": "report.run",
-    **dict.fromkeys(("report_of_landmarks", "report_of_merge", "report_of_solution"), "report.solved"),
+    **dict.fromkeys(
+        ("report_of_features", "report_of_landmarks", "report_of_merge", "report_of_solution"), "report.solved"
+    ),
     "residuals_figure": "residuals",
     **dict.fromkeys(("Scene", "graph_scene", "solution_scene"), "scene"),
     "sparsity_figure": "sparsity",
     **dict.fromkeys(("DARK", "LIGHT", "Theme", "save_figure"), "style"),
 }
->>>>>>> c9fe12d8e879445a9a8adcdbd4a48ba172a5a28b
 
 __all__ = [
     "DARK",
