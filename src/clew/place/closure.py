@@ -43,8 +43,6 @@ class Closure:
         rms: residual along the normals, metres.
         contradiction: share of the source's points that lie in the target's free space.
         innovation: metres and radians between measured and predicted pose.
-        T_predicted: ``(3,)`` pose of the source seen from the target that was expected before the match; nan where
-            nothing was.
         seen_through: share of the target's surfaces within the source's view that lie in the source's free space.
         rival: likelihood of the best pose elsewhere in the window as a share of the best one's; 0 where there is none
             that comes near.
@@ -52,6 +50,8 @@ class Closure:
         is_certain: whether the robot was known so well that a match within the window could not be another place.
         is_partial: whether it tells nothing along one direction, in which the scans fit at several poses.
         supporters: closures from other places that agree.
+        T_predicted: ``(3,)`` pose of the source seen from the target that was expected before the match; nan where
+            nothing was.
     """
 
     source: int
@@ -65,10 +65,10 @@ class Closure:
     rms: float = 0.0
     contradiction: float = 0.0
     innovation: tuple[float, float] = (0.0, 0.0)
-    T_predicted: Array = field(default_factory=lambda: np.full(3, np.nan))
     seen_through: float = 0.0
     rival: float = 0.0
     distance: float = 0.0
     is_certain: bool = False
     is_partial: bool = False
     supporters: int = 0
+    T_predicted: Array = field(default_factory=lambda: np.full(3, np.nan))
