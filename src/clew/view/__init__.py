@@ -21,16 +21,12 @@ if TYPE_CHECKING:
     from clew.view.report.content import Report
     from clew.view.report.page import write_report
     from clew.view.report.run import report_of_run
-<<<<<<< HEAD
-    from clew.view.report.solved import report_of_features, report_of_landmarks, report_of_merge, report_of_solution
-=======
     from clew.view.report.solved import (
         report_of_features,
         report_of_landmarks,
         report_of_merge,
         report_of_solution,
     )
->>>>>>> 74d9d00ffbfae8305e421434251a6158cdeffe21
     from clew.view.residuals import residuals_figure
     from clew.view.scene import Scene, graph_scene, solution_scene
     from clew.view.sparsity import sparsity_figure
