@@ -17,6 +17,7 @@ from clew.scan import (
     align,
     build_pyramid,
     correlate,
+    deskew,
     extract_points,
     index_cloud,
     merge_surfels,
@@ -37,6 +38,10 @@ LITTLE_SLIP = 0.7  # a prediction of more weight is left as it is
 CHANGE_SIGMAS = 5.0  # of the range noise; a return that differs by more, and by more than the robot may move unseen,
 CHANGED_SHARE = 0.05  #   on so many of the beams, shows that the robot moves
 SLIP_FREEDOM = 3.0  # degrees of freedom of the distribution of odometry's errors
+SWEEP_ROUNDS = 3  # matches at most that find pose and motion during the sweep together,
+SWEEP_SHARE = 0.6  # by so much of the difference at a time,
+SWEEP_STEADY = 0.002  # until what is still to be moved in a sweep is less, metres, and a hundredth of a radian for 5 m
+SWEEP_LEVER = 5.0  # metres
 
 
 @dataclass(frozen=True)
@@ -47,12 +52,14 @@ class TrackedScan:
         keyframe: index of the keyframe that the pose is relative to.
         T_keyframe_robot: ``(3,)``.
         is_keyframe: whether the scan became that keyframe.
+        scan: as it would have been measured all at once, at its timestamp.
         covariance: ``(3, 3)`` of the pose seen from the keyframe that it was tracked against, in its own tangent.
     """
 
     keyframe: int
     T_keyframe_robot: Array
     is_keyframe: bool
+    scan: LaserScan
     covariance: Array
 
 
@@ -105,43 +112,73 @@ class Tracker:
         self._scan: LaserScan | None = None  # the last matched one
 
     @property
-    def velocity(self) -> Array:
-        """``(3,)`` body velocity between the last two matched scans, metres and radians a second."""
-        return self._predictor.velocity
-
-    @property
     def trusts_odometry(self) -> bool:
         """Whether odometry predicts better than the last velocity."""
         return self._predictor.trusts_odometry
 
-    def track(self, scan: LaserScan, T_odom_robot: Array | None) -> TrackedScan:
-        """Pose of the robot at a scan; `T_odom_robot` is None where there is no odometry."""
+    def track(self, scan: LaserScan, T_odom_robot: Array | None, velocity: Array | None = None) -> TrackedScan:
+        """Pose of the robot at a scan, and the scan without the robot's motion during its sweep.
+
+        Args:
+            scan: as it was recorded.
+            T_odom_robot: ``(3,)``, None where there is no odometry.
+            velocity: ``(3,)`` body velocity during the sweep by odometry; without it the match tells.
+        """
+        still = deskew(scan, self._predictor.velocity if velocity is None else velocity)
         if self._map is None:
-            return self._first(scan, T_odom_robot)
+            return self._first(still, T_odom_robot)
         prediction = self._predictor.predict(scan.timestamp, T_odom_robot)
         increment = prediction.increment
-        if prediction.by_odometry and self._stands(increment) and not self._looks_elsewhere(scan):
+        if prediction.by_odometry and self._stands(increment) and not self._looks_elsewhere(still):
             predicted = se2.compose(self._T_keyframe_robot, increment)
-            return TrackedScan(len(self._keyframes) - 1, predicted, False, self._covariance)
-        points = extract_points(scan, self._config.cleaning)
+            return TrackedScan(len(self._keyframes) - 1, predicted, False, still, self._covariance)
+        points = extract_points(still, self._config.cleaning)
         match = self._match(points, prediction)
         if prediction.by_odometry and not match.matched:  # odometry may be what misleads
             again = self._match(points, self._predictor.by_velocity(scan.timestamp))
             match = again if again.matched else match
+        if velocity is None and scan.time_increment > 0.0:
+            still, points, match = self._match_sweep(scan, still, points, match, prediction)
         moved = se2.between(self._T_keyframe_robot, match.pose)
         self._predictor.moved(scan.timestamp, T_odom_robot, moved, match.matched)
-        self._T_keyframe_robot, self._covariance, self._scan = match.pose, match.covariance, scan
+        self._T_keyframe_robot, self._covariance, self._scan = match.pose, match.covariance, still
         if self._starts_keyframe(scan.timestamp):
             self._predictor.keyframe(T_odom_robot, match.T_returns, match.information)
-            index = self._add_keyframe(scan, points, match.of_returns)
-            return TrackedScan(index, np.zeros(3), True, match.covariance)
-        return TrackedScan(len(self._keyframes) - 1, match.pose, False, match.covariance)
+            index = self._add_keyframe(still, points, match.of_returns)
+            return TrackedScan(index, np.zeros(3), True, still, match.covariance)
+        return TrackedScan(len(self._keyframes) - 1, match.pose, False, still, match.covariance)
+
+    def _match_sweep(
+        self, scan: LaserScan, still: LaserScan, points: ScanPoints, match: _Match, prediction: Prediction
+    ) -> tuple[LaserScan, ScanPoints, _Match]:
+        """Pose and motion during the sweep that agree with each other.
+
+        A velocity that is too large takes too much motion out of the scan, so that its match lies too far back, by up
+        to the whole sweep, and the next velocity is too small by as much and more: the error would grow from scan to
+        scan. The velocity that leads to this very pose does not have that (an implicit step in place of an explicit
+        one).
+        """
+        sweep = scan.time_increment * len(scan.ranges)
+        velocity = self._predictor.velocity
+        for _ in range(SWEEP_ROUNDS):
+            if not match.matched:
+                break
+            found = self._predictor.velocity_to(scan.timestamp, se2.between(self._T_keyframe_robot, match.pose))
+            change = SWEEP_SHARE * (found - velocity)
+            velocity = velocity + change
+            still = deskew(scan, velocity)
+            if sweep * (np.hypot(change[0], change[1]) + SWEEP_LEVER * abs(change[2])) < SWEEP_STEADY:
+                break
+            points = extract_points(still, self._config.cleaning)
+            match = self._match(points, prediction)
+        return still, points, match
 
     def _first(self, scan: LaserScan, T_odom_robot: Array | None) -> TrackedScan:
         self._predictor.start(scan.timestamp, T_odom_robot)
         points = extract_points(scan, self._config.cleaning)
         self._scan = scan
-        return TrackedScan(self._add_keyframe(scan, points, np.zeros((3, 3))), np.zeros(3), True, np.zeros((3, 3)))
+        index = self._add_keyframe(scan, points, np.zeros((3, 3)))
+        return TrackedScan(index, np.zeros(3), True, scan, np.zeros((3, 3)))
 
     def _stands(self, increment: Array) -> bool:
         """Whether the robot has hardly moved since the last matched scan, as odometry has it."""
