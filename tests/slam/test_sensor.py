@@ -27,7 +27,6 @@ from clew.sim import (
 )
 from clew.slam import Slam
 
-
 BARE = long_corridor(1, features=0, length=100.0)
 SPINNING = LaserModel(450, np.radians(359.2), range_min=0.02, range_max=12.0, sweep=0.1)
 
