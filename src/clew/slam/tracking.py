@@ -35,6 +35,8 @@ THINNING = 0.1  # metres; the correlative search needs the shape of a scan, not 
 LEAST_POINTS = 10
 ELSEWHERE = 1.5  # the search has left the prediction when it ended so many times `prior_floor` away
 LITTLE_SLIP = 0.7  # a prediction of more weight is left as it is
+FAST_SECONDS = 0.06  # a scan so soon after the last matched one is matched only where the robot has moved
+FAST_MORE = 2.5  # times as far as one that stands may have
 CHANGE_SIGMAS = 5.0  # of the range noise; a return that differs by more, and by more than the robot may move unseen,
 CHANGED_SHARE = 0.05  #   on so many of the beams, shows that the robot moves
 SLIP_FREEDOM = 3.0  # degrees of freedom of the distribution of odometry's errors
@@ -129,7 +131,7 @@ class Tracker:
             return self._first(still, T_odom_robot)
         prediction = self._predictor.predict(scan.timestamp, T_odom_robot)
         increment = prediction.increment
-        if prediction.by_odometry and self._stands(increment) and not self._looks_elsewhere(still):
+        if prediction.by_odometry and self._stands(increment, scan.timestamp) and not self._looks_elsewhere(still):
             predicted = se2.compose(self._T_keyframe_robot, increment)
             return TrackedScan(len(self._keyframes) - 1, predicted, False, still, self._covariance)
         points = extract_points(still, self._config.cleaning)
@@ -180,11 +182,16 @@ class Tracker:
         index = self._add_keyframe(scan, points, np.zeros((3, 3)))
         return TrackedScan(index, np.zeros(3), True, scan, np.zeros((3, 3)))
 
-    def _stands(self, increment: Array) -> bool:
-        """Whether the robot has hardly moved since the last matched scan, as odometry has it."""
-        options = self._config.tracking
+    def _stands(self, increment: Array, timestamp: float) -> bool:
+        """Whether the robot has hardly moved since the last matched scan, as odometry has it.
+
+        Of scans that follow each other fast, odometry carries on over more: a match would tell no more than it.
+        """
+        options, before = self._config.tracking, self._scan
+        assert before is not None
+        more = FAST_MORE if timestamp - before.timestamp < FAST_SECONDS else 1.0
         moved = np.hypot(increment[0], increment[1])
-        return bool(moved < options.still_distance and abs(increment[2]) < options.still_angle)
+        return bool(moved < more * options.still_distance and abs(increment[2]) < more * options.still_angle)
 
     def _looks_elsewhere(self, scan: LaserScan) -> bool:
         """Whether a scan differs from the last matched one as it does when the robot moves and odometry sleeps."""
