@@ -57,15 +57,6 @@ class Problem:
         starts = np.append(self.pattern.starts[:-1], -1).astype(np.int32)
         return tuple(starts[columns] for columns in self.columns)
 
-    @cached_property
-    def diagonal(self) -> Index:
-        """``(dim,)`` where the diagonal of the matrix is in the Hessian's values."""
-        pattern = self.pattern
-        sizes = pattern.sizes.astype(np.int64)
-        first = pattern.offsets[pattern.column_starts[:-1]]
-        within = np.arange(pattern.dim) - np.repeat(pattern.starts[:-1], sizes)
-        return np.repeat(first, sizes) + within * (np.repeat(sizes, sizes) + 1)
-
     def key_of(self, column: int) -> int:
         """Key of the variable in a column."""
         return int(self.tables[self.table_of[column]].keys[self.row_of[column]])
