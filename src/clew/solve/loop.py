@@ -79,6 +79,7 @@ def iterate(
     clock = _Clock()
     system = problem.empty_system()
     trace = Trace(values, [problem.evaluate(values, robust, system)], system)
+    del values  # the caller may have let them go, too
     clock.lap(trace, "linearise")
     if problem.pattern.dim == 0:
         trace.status = Status.NOTHING_TO_DO

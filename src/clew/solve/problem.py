@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from clew import _native
 from clew.geometry import SE2, SE3
-from clew.graph import FactorGraph, Role, Variables
+from clew.graph import FactorGraph, Role
 from clew.linalg import BlockPattern, SymbolicFactor, analyse
 from clew.noise import Kernel
 from clew.solve.evaluate import CompiledBlock, System
@@ -21,6 +21,14 @@ from clew.solve.plan import pattern_of, scatter_plan
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 Values = list[Array]  # one (N, storage) array a kind, in the order of `Problem.tables`
+
+
+@dataclass(frozen=True, eq=False)
+class Table:
+    """The variables of one kind: their manifold and their keys ``(N,)``."""
+
+    kind: type[Any]
+    keys: Index
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,7 +45,7 @@ class Problem:
         blocks: the factors.
     """
 
-    tables: tuple[Variables, ...]
+    tables: tuple[Table, ...]
     columns: tuple[NDArray[np.int32], ...]
     table_of: NDArray[np.int32]
     row_of: Index
@@ -94,9 +102,10 @@ class Problem:
             moved.append(out)
         return moved
 
-    def values(self) -> Values:
-        """The values that the graph had when it was compiled."""
-        return [table.values for table in self.tables]
+
+def values_of(graph: FactorGraph) -> Values:
+    """Copies of the values that a graph has, in the order of `Problem.tables`."""
+    return [table.values for table in graph.variables()]
 
 
 def kernel_of(block: CompiledBlock, robust: Kernel | None) -> Kernel | None:
@@ -156,4 +165,5 @@ def build_problem(
         CompiledBlock(factor, place, row, column, starts[column], scatter_plan(pattern, column))
         for factor, place, row, column in zip(factors, places, rows, touched, strict=True)
     )
-    return Problem(tables, tuple(columns), table_of, row_of, pattern, blocks, ordering, threads)
+    names = tuple(Table(table.kind, table.keys) for table in tables)
+    return Problem(names, tuple(columns), table_of, row_of, pattern, blocks, ordering, threads)

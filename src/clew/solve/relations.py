@@ -80,7 +80,7 @@ def relations(problem: Problem, values: Values) -> list[Relations]:
             continue
         i = np.concatenate([b.rows[:, 0] for b in blocks]).astype(np.int64)
         j = np.concatenate([b.rows[:, 1] for b in blocks]).astype(np.int64)
-        start = values[number].copy()
+        start = values[number]
         constant = np.flatnonzero(problem.columns[number] < 0)
         component = _native.solve.spanning_forest(len(start), i, j, np.empty(0, np.int64))[4]
         priors = [b for b in problem.blocks if b.factor.native == "prior" and b.tables == (number,)]
@@ -91,6 +91,7 @@ def relations(problem: Problem, values: Values) -> list[Relations]:
             open_ = ~np.isin(component[rows], component[constant])
             _, first = np.unique(component[rows[open_]], return_index=True)
             chosen = np.flatnonzero(open_)[first]
+            start = start.copy()
             start[rows[chosen]] = poses[chosen]
             seeds.append(rows[chosen])
         found.append(Relations(number, kind, blocks, i, j, np.unique(np.concatenate(seeds)), start))

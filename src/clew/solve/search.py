@@ -200,7 +200,8 @@ class Dogleg:
 def raised_diagonal(problem: Problem, system: System) -> Array:
     """The Hessian's diagonal ``(dim,)``, entries near zero raised to a billionth of the largest."""
     diagonal = problem.pattern.diagonal(system.hessian)
-    return np.maximum(diagonal, 1e-9 * diagonal.max(initial=1e-9), out=diagonal)
+    np.maximum(diagonal, 1e-9 * diagonal.max(initial=1e-9), out=diagonal)
+    return diagonal
 
 
 def largest_of(vector: Array) -> float:
