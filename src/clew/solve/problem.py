@@ -162,7 +162,7 @@ def build_problem(
     pattern = pattern_of(sizes, touched)
     starts = np.append(pattern.starts[:-1], -1).astype(np.int32)
     blocks = tuple(
-        CompiledBlock(factor, place, row, column, starts[column], scatter_plan(pattern, column))
+        CompiledBlock(factor, place, row, starts[column], scatter_plan(pattern, column))
         for factor, place, row, column in zip(factors, places, rows, touched, strict=True)
     )
     names = tuple(Table(table.kind, table.keys) for table in tables)
