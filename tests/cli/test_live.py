@@ -67,25 +67,26 @@ def test_recording_for_rerun(log: Path, tmp_path: Path, clew_command: Command) -
 
 
 def test_page_that_is_kept_is_served_until_interrupt(log: Path, tmp_path: Path) -> None:
-    process = subprocess.Popen([*PROGRAM, "run", str(log), "-o", str(tmp_path / "out"), "--live", "--live-keep"],
-                               env={**environment(), "DISPLAY": "", "WAYLAND_DISPLAY": ""}, stdout=subprocess.PIPE,
-                               stderr=subprocess.PIPE, text=True)
-    try:
-        assert process.stderr is not None
-        address = ADDRESS.fullmatch(process.stderr.readline())
-        assert address
-        while "stays open" not in process.stderr.readline():
-            assert process.poll() is None
-        url = urlsplit(address[1])
-        connection = http.client.HTTPConnection("127.0.0.1", url.port or 0, timeout=10)
-        connection.request("GET", url.path + "events")
-        text = connection.getresponse().read().decode()
-        assert text.startswith("event: last\n")
-        assert '"stage":"finished"' in text
-        process.send_signal(signal.SIGINT)
-        out, _ = process.communicate(timeout=20)
-    finally:
-        process.kill()
+    command = [*PROGRAM, "run", str(log), "-o", str(tmp_path / "out"), "--live", "--live-keep"]
+    blind = {**environment(), "DISPLAY": "", "WAYLAND_DISPLAY": ""}
+    with subprocess.Popen(command, env=blind, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
+        try:
+            assert process.stderr is not None
+            address = ADDRESS.fullmatch(process.stderr.readline())
+            assert address
+            while "stays open" not in process.stderr.readline():
+                assert process.poll() is None
+            url = urlsplit(address[1])
+            connection = http.client.HTTPConnection("127.0.0.1", url.port or 0, timeout=10)
+            connection.request("GET", url.path + "events")
+            text = connection.getresponse().read().decode()
+            connection.close()
+            assert text.startswith("event: last\n")
+            assert '"stage":"finished"' in text
+            process.send_signal(signal.SIGINT)
+            out, _ = process.communicate(timeout=20)
+        finally:
+            process.kill()
     assert process.returncode == 0
     assert out == ""
 

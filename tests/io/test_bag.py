@@ -83,10 +83,10 @@ class Bag:
         return self.make("std_msgs/msg/Header", stamp=stamp, frame_id=frame, **sequence)
 
     def scan(self, time: float, ranges: list[float], topic: str = "/scan",
-             received: float | None = None) -> None:
+             received: float | None = None, time_increment: float = 0.0) -> None:
         self.put(topic, self.make(
             "sensor_msgs/msg/LaserScan", header=self.header(time, "laser"), angle_min=-1.0, angle_max=1.0,
-            angle_increment=0.5, time_increment=0.0, scan_time=0.0, range_min=0.1, range_max=8.0,
+            angle_increment=0.5, time_increment=time_increment, scan_time=0.0, range_min=0.1, range_max=8.0,
             ranges=np.array(ranges, dtype=np.float32), intensities=np.zeros(0, dtype=np.float32),
         ), time if received is None else received)
 
@@ -164,6 +164,19 @@ def test_a_laser_upside_down_sweeps_the_other_way(tmp_path: Path) -> None:
     assert not log.has_odometry
     assert (scan.angle_min, scan.angle_increment) == (1.0, -0.5)
     np.testing.assert_allclose(scan.T_robot_sensor, [0.2, 0.0, 0.5], atol=1e-12)
+
+
+@pytest.mark.parametrize(("stated", "believed"), [(0.0, 0.0), (0.04, 0.04), (0.1, 0.0), (math.nan, 0.0), (-0.01, 0.0)])
+def test_the_time_between_beams_is_believed_where_a_sweep_ends_before_the_next(
+    tmp_path: Path, stated: float, believed: float
+) -> None:
+    path, bag = new_bag(tmp_path, "mcap")
+    for k in range(4):
+        bag.scan(1.0 + 0.1 * k, [1.0, 2.0], time_increment=stated)
+    bag.close()
+    for scan in open_log(path).measurements():
+        assert isinstance(scan, LaserScan)
+        assert scan.time_increment == pytest.approx(believed, abs=1e-6)
 
 
 def test_robot_and_laser_on_two_branches_of_the_tree(tmp_path: Path) -> None:

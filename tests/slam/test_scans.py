@@ -59,7 +59,7 @@ def test_scans_go_with_their_keyframe_and_their_rows_stay() -> None:
 def closure(source: int, verdict: Verdict) -> Closure:
     rng = np.random.default_rng(source)
     return Closure(source, source // 2, 0.5, verdict, rng.standard_normal(3), rng.standard_normal((3, 3)), 0.25, 0.75,
-                   innovation=(0.5, 0.125), T_predicted=rng.standard_normal(3) if source % 2 else None)  # fmt: skip
+                   innovation=(0.5, 0.125), T_predicted=rng.standard_normal(3))  # fmt: skip
 
 
 def same(a: Closure, b: Closure) -> bool:

@@ -5,17 +5,16 @@ from __future__ import annotations
 import json as json_
 import sys
 import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from dataclasses import asdict
 from pathlib import Path
 
 import numpy as np
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
 from clew._version import __version__
 from clew.cli.outputs import write_summary
+from clew.cli.progress import stages
+from clew.cli.terminal import messages
 from clew.errors import InputError
 from clew.fleet import write_landmarks
 from clew.io import FeatureLog, ensure_output_folder, read_feature_log, write_graph, write_tum
@@ -39,7 +38,7 @@ def run_features(path: Path, out: Path, identities: bool, json: bool, quiet: boo
     Raises:
         InputError: a file that is broken, or without features.
     """
-    console = Console(stderr=True, quiet=quiet)
+    console = messages(quiet)
     begun = time.perf_counter()
     with console.status(f"reading {path.name}"):
         log = read_feature_log(path)
@@ -47,8 +46,9 @@ def run_features(path: Path, out: Path, identities: bool, json: bool, quiet: boo
     if not given and len(log.keys) < 2:
         raise InputError(f"{path}: {len(log.keys)} pose; there is no drive in that")
     ensure_output_folder(out)
-    with _progress(console, len(log.features.keys), quiet or given) as progress:
-        found = map_features(log, identities=identities, progress=progress)
+    with stages(console) as shown:
+        shown.begin("mapping", total=None if given else len(log.features.keys), note="features")
+        found = map_features(log, identities=identities, progress=shown.show)
     summary = {"log": path.name, **_summary(found, log, given), "version": __version__}
     _write(found, path.name, given, out)
     write_report(out / "report.html", report_of_features(found, path.name, dict(sorted(log.report.skipped.items()))))
@@ -57,15 +57,6 @@ def run_features(path: Path, out: Path, identities: bool, json: bool, quiet: boo
     if json:
         sys.stdout.write(json_.dumps(summary) + "\n")
     _report(summary, out, console)
-
-
-@contextmanager
-def _progress(console: Console, features: int, quiet: bool) -> Iterator[Callable[[int], None]]:
-    """A bar of the features that have been associated, on a terminal."""
-    columns = (TextColumn("associating"), BarColumn(bar_width=30), MofNCompleteColumn(), TimeElapsedColumn())
-    with Progress(*columns, console=console, disable=quiet or not console.is_terminal) as progress:
-        task = progress.add_task("associating", total=features)
-        yield lambda done: progress.update(task, completed=done)
 
 
 def _write(found: FeatureMap, name: str, given: bool, out: Path) -> None:
@@ -103,14 +94,13 @@ def _report(summary: dict[str, object], out: Path, console: Console) -> None:
         f"{summary['poses']} poses, {summary['sightings']} sightings of {summary['landmarks']} landmarks "
         f"(identities {summary['identities']}), {summary['without_landmark']} sightings of none; "
         f"{summary['wall_seconds']} s",
-        highlight=False,
     )
     parts = summary["variance_components"]
     if isinstance(parts, dict):
         noise = ", ".join(f"{name} {np.sqrt(value):.2g}" for name, value in parts.items())
-        console.print(f"noise found, as a multiple of what the file says: {noise}", highlight=False)
+        console.print(f"noise found, as a multiple of what the file says: {noise}")
     skipped = summary["skipped"]
     assert isinstance(skipped, dict)
     if skipped:
-        console.print("left out: " + ", ".join(f"{n} {reason}" for reason, n in skipped.items()), highlight=False)
-    console.print(f"look at {out / 'report.html'}; everything else is beside it", highlight=False)
+        console.print("left out: " + ", ".join(f"{n} {reason}" for reason, n in skipped.items()))
+    console.print(f"look at {out / 'report.html'}; everything else is beside it")

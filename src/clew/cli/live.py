@@ -111,8 +111,8 @@ def live_view(options: LiveOptions, title: str, total: int, console: Console) ->
         yield viewer
         viewer.finish()
         if options.keep and options.where == BROWSER:
-            console.print("the live view stays open; Ctrl-C ends it")
             with suppress(KeyboardInterrupt):
+                console.print("the live view stays open; Ctrl-C ends it")
                 while True:
                     time.sleep(3600)
     finally:

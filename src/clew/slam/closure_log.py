@@ -13,9 +13,6 @@ from clew.graph.growing import Growing
 from clew.place import Closure, Verdict
 
 VERDICTS = tuple(Verdict)
-#: Pose that a field whose default is None may hold; not a number stands for None.
-POSE = 3
-OPTIONAL = {field.name for field in fields(Closure) if field.default is None}
 NAMES = tuple(field.name for field in fields(Closure))
 
 
@@ -36,7 +33,7 @@ class ClosureLog:
     def add(self, closures: Iterable[Closure]) -> None:
         """Append closures."""
         for closure in closures:
-            row = np.concatenate([_flat(name, getattr(closure, name)) for name in NAMES])
+            row = np.concatenate([_flat(getattr(closure, name)) for name in NAMES])
             if self._rows is None:
                 self._rows, self._like = Growing(row.shape, np.float64), closure
             self._rows.append(row[None])
@@ -52,25 +49,21 @@ class ClosureLog:
         values, start = [], 0
         for name in NAMES:
             like = getattr(self._like, name)
-            count = len(_flat(name, like))
-            values.append(_shaped(name, row[start : start + count], like))
+            count = len(_flat(like))
+            values.append(_shaped(row[start : start + count], like))
             start += count
         return Closure(*values)
 
 
-def _flat(name: str, value: Any) -> NDArray[np.float64]:
+def _flat(value: Any) -> NDArray[np.float64]:
     """Numbers ``(n,)`` of one attribute."""
-    if name in OPTIONAL:
-        return np.full(POSE, np.nan) if value is None else np.asarray(value, dtype=np.float64)
     if isinstance(value, Verdict):
         value = VERDICTS.index(value)
     return np.asarray(value, dtype=np.float64).reshape(-1)
 
 
-def _shaped(name: str, numbers: NDArray[np.float64], like: Any) -> Any:
+def _shaped(numbers: NDArray[np.float64], like: Any) -> Any:
     """An attribute of the kind of another."""
-    if name in OPTIONAL:
-        return None if np.isnan(numbers).all() else numbers.copy()
     if isinstance(like, np.ndarray):
         return numbers.reshape(like.shape).copy()
     if isinstance(like, tuple):
