@@ -45,7 +45,9 @@ class Relations:
 
     def measurement(self, *, odometry: bool = False) -> Array:
         """Measurements ``(M, storage)`` of all, or of odometry alone."""
-        return np.concatenate([b.factor.measurement for b in self.blocks if not odometry or _is_odometry(b)])
+        return np.concatenate(
+            [b.factor.measurement[: None if _is_odometry(b) or not odometry else 0] for b in self.blocks]
+        )
 
     def odometry(self) -> Index:
         """Which of the rows are odometry."""
