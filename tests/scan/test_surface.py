@@ -125,7 +125,7 @@ def test_transformed_is_a_group_action() -> None:
 
 def test_a_filled_scan_has_no_holes_in_its_walls_and_nothing_beside_them() -> None:
     cloud = extract_points(scan_of(ROOM, np.array([0.3, -0.2, 0.4]), beams=121))
-    filled = fill_surfaces(cloud, 0.04)
+    filled = fill_surfaces(cloud, CleaningOptions(filling=0.04))
     assert len(filled) > 1.5 * len(cloud)
     for part in ("points", "normals", "along", "weights"):
         np.testing.assert_array_equal(getattr(filled, part)[: len(cloud)], getattr(cloud, part))
@@ -144,7 +144,8 @@ def test_filling_does_not_close_doorways_nor_join_what_lies_behind() -> None:
     front = np.array([[[3.0, -4.0], [3.0, -0.5]], [[3.0, 0.5], [3.0, 4.0]]])
     behind = np.array([[[6.0, -4.0], [6.0, 4.0]]])
     for walls in (front, np.concatenate([front, behind])):
-        filled = fill_surfaces(extract_points(scan_of(walls, np.zeros(3), beams=181, view=np.pi)), 0.02)
+        cloud = extract_points(scan_of(walls, np.zeros(3), beams=181, view=np.pi))
+        filled = fill_surfaces(cloud, CleaningOptions(filling=0.02))
         x, y = filled.points.T
         assert not np.any((x < 5.0) & (np.abs(y) < 0.45))
         assert not np.any((x > 3.01) & (x < 5.99))
@@ -153,4 +154,4 @@ def test_filling_does_not_close_doorways_nor_join_what_lies_behind() -> None:
 @pytest.mark.parametrize("count", [0, 1])
 def test_hardly_a_point_is_left_as_it_is(count: int) -> None:
     cloud = random_cloud(np.random.default_rng(1), count)
-    assert len(fill_surfaces(cloud, 0.1)) == count
+    assert len(fill_surfaces(cloud)) == count

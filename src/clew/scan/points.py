@@ -30,6 +30,8 @@ class CleaningOptions:
             ``gap_base + gap_per_metre * range`` ends the surface.
         spacing: returns closer together than this share their weight, metres, so that a wall right beside
             the robot does not outvote the rest of the room.
+        filling: neighbouring returns on one wall that are further apart get points between them where others are matched
+            against them (`fill_surfaces`), metres.
         blob: ratio of a neighbourhood's minor to major deviation from which it counts as no line.
     """
 
@@ -38,6 +40,7 @@ class CleaningOptions:
     gap_base: float = 0.06
     gap_per_metre: float = 0.06
     spacing: float = 0.05
+    filling: float = 0.1
     blob: float = 0.4
 
 
@@ -99,7 +102,7 @@ def extract_points(scan: LaserScan, options: CleaningOptions | None = None) -> S
     return ScanPoints(points, normals, along, weights).transformed(scan.T_robot_sensor)
 
 
-def fill_surfaces(cloud: ScanPoints, step: float, options: CleaningOptions | None = None) -> ScanPoints:
+def fill_surfaces(cloud: ScanPoints, options: CleaningOptions | None = None) -> ScanPoints:
     """A scan with points put between neighbouring returns on one straight wall, for others to be matched against.
 
     Far and grazing walls are sampled so sparsely that a scan taken half a metre on finds no partners there but where
@@ -108,10 +111,10 @@ def fill_surfaces(cloud: ScanPoints, step: float, options: CleaningOptions | Non
 
     Args:
         cloud: as `extract_points` returns it, in the order of its beams.
-        step: points on a wall are at most this far apart, metres.
-        options: those of the extraction; `gap_base` and `gap_per_metre` say where a surface ends.
+        options: those of the extraction: `filling`, and where a surface ends.
     """
     options = options or CleaningOptions()
+    step = options.filling
     if len(cloud) < 2:
         return cloud
     way = np.diff(cloud.points, axis=0)

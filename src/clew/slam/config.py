@@ -30,8 +30,6 @@ class TrackingOptions:
         prior_floor: where its deviations are taken as these at least, metres, metres, radians: odometry that halts for
             a moment is sure of itself and wrong.
         voxel: side of a surfel of the local map, metres.
-        filling: neighbouring returns on one wall that are further apart get points between them in the local map,
-            metres.
         information_scale: share of the returns that tell something new: neighbours share their part of the map and its
             errors. Chosen so that normalised errors in simulated worlds are right (`benchmarks/sensors.py`).
         overlap: a match that explains less of the scan is not believed; odometry carries on.
@@ -55,7 +53,6 @@ class TrackingOptions:
     prior_weight: float = 0.04
     prior_floor: tuple[float, float, float] = (0.05, 0.05, 0.05)
     voxel: float = 0.05
-    filling: float = 0.1
     information_scale: float = 0.45
     overlap: float = 0.3
     velocity_sigmas: tuple[float, float] = (0.6, 0.8)

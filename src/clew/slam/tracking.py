@@ -264,10 +264,10 @@ class Tracker:
         return index
 
     def _build_map(self, index: int) -> _LocalMap:
-        options = self._config.tracking
+        options, cleaning = self._config.tracking, self._config.cleaning
         members = self._keyframes.between(index + 1 - options.map_keyframes, index + 1)
         self._surfaces = {
-            k: self._surfaces[k] if k in self._surfaces else fill_surfaces(self._keyframes[k].points, options.filling)
+            k: self._surfaces[k] if k in self._surfaces else fill_surfaces(self._keyframes[k].points, cleaning)
             for k in members.tolist()
         }
         poses = self._keyframes.relative(index, members)
