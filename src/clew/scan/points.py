@@ -30,8 +30,8 @@ class CleaningOptions:
             ``gap_base + gap_per_metre * range`` ends the surface.
         spacing: returns closer together than this share their weight, metres, so that a wall right beside
             the robot does not outvote the rest of the room.
-        filling: neighbouring returns on one wall that are further apart get points between them where others are matched
-            against them (`fill_surfaces`), metres.
+        filling: neighbouring returns on one wall that are further apart get points between them where others are
+            matched against them (`fill_surfaces`), metres.
         blob: ratio of a neighbourhood's minor to major deviation from which it counts as no line.
     """
 
