@@ -81,6 +81,17 @@ def test_a_bare_corridor_does_not_tell_how_far_along_the_robot_is() -> None:
     assert np.mean(errors[:, 0] ** 2 / covariance[:, 0, 0]) < 1.5
 
 
+def test_a_match_that_corrects_many_steps_at_once_is_known_to_be_uncertain() -> None:
+    """Three cabinets in 100 m: between them the keyframes drift in the map, and each corrects all of it in one step."""
+    world = long_corridor(1, features=3, length=100.0)
+    log = simulate(world, drive(tour(world, 1, 180.0), rate=5.0, duration=150.0),
+                   LaserModel(361, sigma_range=0.005, range_max=80.0, resolution=0.001), OdometryModel.medium(), 1)
+    errors, information = steps(log, mapped(log.measurements()))
+    squared = np.einsum("mi,mij,mj->m", errors, information, errors)
+    assert squared.mean() / 3 < 2.0
+    assert np.mean(errors[:, 0] ** 2 / np.linalg.inv(information)[:, 0, 0]) < 4.0
+
+
 def test_noise_of_normals_is_taken_out_of_the_weak_direction_alone() -> None:
     lines = np.diag([2.0, 100.0, 50.0])
     clean = without_normal_noise(lines[None], 0.01)[0]

@@ -84,6 +84,7 @@ class _Match:
         information: ``(3, 3)`` of the returns alone.
         of_returns: ``(3, 3)`` the part of `covariance` that comes from the noise of this scan's returns: what is next
             measured from here bears it too.
+        kept: ``(3, 3)`` what the returns leave of an error of the last pose in the map, seen from this one.
     """
 
     pose: Array
@@ -91,6 +92,7 @@ class _Match:
     T_returns: Array
     information: Array
     of_returns: Array
+    kept: Array
 
     @property
     def matched(self) -> bool:
@@ -113,7 +115,9 @@ class Tracker:
         self._map: _LocalMap | None = None
         self._surfaces: dict[int, ScanPoints] = {}  # those of the keyframes in the map, filled
         self._T_keyframe_robot = np.zeros(3)  # at the last matched scan
-        self._covariance = np.zeros((3, 3))
+        self._covariance = np.zeros((3, 3))  # of it, were the last keyframe where the map has it
+        self._drift = np.zeros((3, 3))  # of the last keyframe in the map, beyond the noise of its returns,
+        self._kept = np.eye(3)  # and what is left of that in the pose
         self._scan: LaserScan | None = None  # the last matched one
 
     @property
@@ -136,7 +140,7 @@ class Tracker:
         increment = prediction.increment
         if prediction.by_odometry and self._stands(increment, scan.timestamp) and not self._looks_elsewhere(still):
             predicted = se2.compose(self._T_keyframe_robot, increment)
-            return TrackedScan(len(self._keyframes) - 1, predicted, False, still, self._covariance)
+            return TrackedScan(len(self._keyframes) - 1, predicted, False, still, self._step_covariance())
         points = extract_points(still, self._config.cleaning)
         match = self._match(points, prediction)
         if prediction.by_odometry and not match.matched:  # odometry may be what misleads
@@ -147,11 +151,13 @@ class Tracker:
         moved = se2.between(self._T_keyframe_robot, match.pose)
         self._predictor.moved(scan.timestamp, T_odom_robot, moved, match.matched)
         self._T_keyframe_robot, self._covariance, self._scan = match.pose, match.covariance, still
+        self._kept = match.kept @ self._kept
+        covariance = self._step_covariance()
         if self._starts_keyframe(scan.timestamp):
             self._predictor.keyframe(T_odom_robot, match.T_returns, match.information)
             index = self._add_keyframe(still, points, match.of_returns)
-            return TrackedScan(index, np.zeros(3), True, still, match.covariance)
-        return TrackedScan(len(self._keyframes) - 1, match.pose, False, still, match.covariance)
+            return TrackedScan(index, np.zeros(3), True, still, covariance)
+        return TrackedScan(len(self._keyframes) - 1, match.pose, False, still, covariance)
 
     def _match_sweep(
         self, scan: LaserScan, still: LaserScan, points: ScanPoints, match: _Match, prediction: Prediction
@@ -213,7 +219,7 @@ class Tracker:
         transport = se2.adjoint(se2.inverse(prediction.increment))
         prior = transport @ self._covariance @ transport.T + prediction.covariance
         predicted = se2.compose(self._T_keyframe_robot, prediction.increment)
-        unmatched = _Match(predicted, prior, predicted, np.zeros((3, 3)), np.zeros((3, 3)))
+        unmatched = _Match(predicted, prior, predicted, np.zeros((3, 3)), np.zeros((3, 3)), transport)
         if len(points) < LEAST_POINTS:
             return unmatched
         options = self._config.tracking
@@ -242,7 +248,8 @@ class Tracker:
         covariance = np.linalg.inv(information + prior_information)
         gain = covariance @ information
         of_returns = np.asarray(gain @ covariance @ gain.T, dtype=np.float64)
-        return _Match(pose, np.asarray(covariance, dtype=np.float64), T_returns, information, of_returns)
+        kept = np.asarray((np.eye(3) - gain) @ transport, dtype=np.float64)
+        return _Match(pose, np.asarray(covariance, dtype=np.float64), T_returns, information, of_returns, kept)
 
     @staticmethod
     def _surprise(prediction: Prediction) -> Array:
@@ -282,6 +289,16 @@ class Tracker:
         squared = float(error @ weight @ error)
         return (SLIP_FREEDOM + 3) / (SLIP_FREEDOM + max(squared, 3.0))
 
+    def _step_covariance(self) -> Array:
+        """``(3, 3)`` of the pose seen from the last keyframe, in its own tangent.
+
+        Where returns tell nothing for a while, as along a bare corridor, keyframes drift in the map. The first match
+        that tells corrects all of that at once: of the drift of the last keyframe, what is not left in the pose is an
+        error of the step between the two.
+        """
+        corrected = self._kept - se2.adjoint(se2.inverse(self._T_keyframe_robot))
+        return np.asarray(self._covariance + corrected @ self._drift @ corrected.T, dtype=np.float64)
+
     def _starts_keyframe(self, timestamp: float) -> bool:
         options = self._config.tracking
         x, y, theta = self._T_keyframe_robot
@@ -299,11 +316,13 @@ class Tracker:
             previous = self._keyframes[len(self._keyframes) - 1]
             local = se2.compose(previous.T_local_robot, step)
             path = previous.path + float(np.hypot(step[0], step[1]))
-            information = np.asarray(np.linalg.inv(self._covariance), dtype=np.float64)
+            information = np.asarray(np.linalg.inv(self._step_covariance()), dtype=np.float64)
         index = self._keyframes.add(
             Keyframe(scan.timestamp, points, scan.T_robot_sensor, local, path, step, information)
         )
-        self._T_keyframe_robot, self._covariance = np.zeros(3), of_returns
+        left = self._kept @ self._drift @ self._kept.T + self._covariance - of_returns
+        self._drift = (1.0 - 1.0 / self._config.tracking.map_keyframes) * left  # older keyframes leave the map
+        self._T_keyframe_robot, self._covariance, self._kept = np.zeros(3), of_returns, np.eye(3)
         self._map = self._build_map(index)
         return index
 
