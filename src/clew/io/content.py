@@ -65,7 +65,7 @@ def check_readable(path: Path) -> None:
     try:
         if not path.exists():
             raise InputError(f"{path}: no such file; check the path")
-        if not path.is_dir():
+        if path.is_file():  # opening a pipe waits for its writer
             with path.open("rb"):
                 pass
     except OSError as error:
