@@ -49,7 +49,7 @@ def main() -> None:
     if hasattr(os, "sched_setaffinity"):  # one thread for everybody, whatever their defaults
         os.sched_setaffinity(0, {min(os.sched_getaffinity(0))})
     if options.scaling:
-        print("\n".join(scaling(options.sizes)))
+        scaling(options.sizes)
         return
     if options.memory:
         memory(options.data, {name: GRAPHS[name] for name in options.graphs}, options.sizes)

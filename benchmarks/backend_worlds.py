@@ -60,18 +60,22 @@ def _measure(poses: int, queue: multiprocessing.Queue[tuple[float, ...]]) -> Non
     import clew
 
     graph = manhattan(poses)
-    start = time.perf_counter()
+    start = time.process_time()
     solution = clew.optimize(graph)
-    spent = time.perf_counter() - start
+    spent = time.process_time() - start
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     queue.put((graph.factor_count, spent, solution.iterations, spent / max(1, solution.iterations),
                peak / 1024, float(solution.status.ok), solution.chi2))
 
 
-def scaling(sizes: list[int]) -> list[str]:
-    """Rows of a Markdown table: one size a row, each measured in a process of its own (whose peak memory it is)."""
-    lines = ["| poses | edges | default solve, s | iterations | s / iteration | peak memory, MB | chi2 / edge |",
-             "| --- | --- | --- | --- | --- | --- | --- |"]
+def scaling(sizes: list[int]) -> None:
+    """Print a Markdown table: one size a row, each measured in a process of its own (whose peak memory it is).
+
+    Times are those of the processor, so that other work on the machine disturbs them less.
+    """
+    print("| poses | edges | default solve, s of one core | iterations | s / iteration | peak memory, MB "
+          "| chi2 / edge |")
+    print("| --- | --- | --- | --- | --- | --- | --- |")
     context = multiprocessing.get_context("spawn")
     for poses in sizes:
         queue: multiprocessing.Queue[tuple[float, ...]] = context.Queue()
@@ -80,7 +84,5 @@ def scaling(sizes: list[int]) -> list[str]:
         edges, spent, iterations, each, memory, ok, chi2 = queue.get(timeout=1800)
         process.join()
         note = "" if ok else " (not converged)"
-        lines.append(f"| {poses:,} | {int(edges):,} | {spent:.2f}{note} | {int(iterations)} | {each:.3f} | "
-                     f"{memory:,.0f} | {chi2 / edges:.3f} |")
-        print(lines[-1], flush=True)
-    return lines
+        print(f"| {poses:,} | {int(edges):,} | {spent:.2f}{note} | {int(iterations)} | {each:.3f} | "
+              f"{memory:,.0f} | {chi2 / edges:.3f} |", flush=True)

@@ -18,6 +18,7 @@ Wall time and memory are those of the whole process.
 from __future__ import annotations
 
 import argparse
+import csv
 import json
 import os
 import subprocess
@@ -131,23 +132,22 @@ def run_disturbed(log: Path, folder: Path, worse: float) -> Run:
 
 
 def closure_precision(folder: Path, log: SimulatedLog) -> tuple[int, int]:
-    """Right closures and all of them: edges of graph.g2o between keyframes that do not follow each other."""
-    keyframe_times, _ = read_tum(folder / "keyframes.tum")
-    lines = [line.split() for line in (folder / "graph.g2o").read_text().splitlines()]
-    ids = {int(v): row for row, v in enumerate(sorted(int(f[1]) for f in lines if f[:1] == ["VERTEX_SE2"]))}
-    if len(ids) != len(keyframe_times):
-        raise SystemExit(f"{folder}: {len(ids)} vertices in graph.g2o, {len(keyframe_times)} poses in keyframes.tum")
-    edges = [(ids[int(f[1])], ids[int(f[2])], *map(float, f[3:6])) for f in lines if f[:1] == ["EDGE_SE2"]]
-    table = np.array(edges, dtype=np.float64).reshape(-1, 5)
-    first, second = table[:, 0].astype(np.int64), table[:, 1].astype(np.int64)
-    loops = np.abs(first - second) > 1
-    truth, known = poses_at(log.timestamps, log.T_world_robot, keyframe_times, 1e-3)
-    if not known.all():
-        raise SystemExit(f"{folder}/keyframes.tum: {int((~known).sum())} keyframes at times without a scan")
-    true_edges = se2.between(truth[first[loops]], truth[second[loops]])
-    error = se2.between(true_edges, table[loops, 2:])
+    """Right closures and all that were believed, those of keyframes that have been pruned since among them."""
+    with (folder / "closures.csv").open(newline="") as file:
+        rows = [row for row in csv.DictReader(file) if row["verdict"] == "confirmed"]
+    if not rows:
+        return 0, 0
+
+    def truth(end: str) -> Array:
+        poses, known = poses_at(log.timestamps, log.T_world_robot, np.array([float(row[end]) for row in rows]), 1e-3)
+        if not known.all():
+            raise SystemExit(f"{folder}/closures.csv: {int((~known).sum())} keyframes at times without a scan")
+        return poses
+
+    measured = np.array([[float(row[name]) for name in ("x", "y", "theta")] for row in rows])
+    error = se2.between(se2.between(truth("target_time"), truth("source_time")), measured)
     right = (np.hypot(error[:, 0], error[:, 1]) <= RIGHT_DISTANCE) & (np.abs(error[:, 2]) <= RIGHT_ANGLE)
-    return int(right.sum()), int(loops.sum())
+    return int(right.sum()), len(rows)
 
 
 def print_table(columns: list[str], rows: list[list[str]]) -> None:

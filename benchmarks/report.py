@@ -50,7 +50,7 @@ def pages(names: list[str], folder: Path) -> dict[str, Path]:
             write_report(made[name], report_of_solution(optimize(read_graph(DATA / graphs[name]).graph), name))
         else:
             log = logs[name]()
-            map_log(log, JobOptions(folder, name, quiet=True), Console(quiet=True),
+            map_log(log, JobOptions(folder, name), Console(quiet=True),
                     health=lambda log=log: log_health(log))
             (folder / "report.html").rename(made[name])
     return made

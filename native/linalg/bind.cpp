@@ -137,6 +137,26 @@ void bind_pattern(nb::module_ m) {
         }
         return hand_over(std::move(found));
     });
+    m.def("diagonal", [](Array<int32_t> sizes, Array<int64_t> column_starts, Array<int64_t> offsets,
+                         Array<double> values, Out<double> out) {
+        bool good = column_starts.size() == sizes.size() + 1;
+        int64_t dim = 0;
+        for (size_t v = 0; good && v < sizes.size(); ++v) {
+            const int64_t block = column_starts.data()[v], size = sizes.data()[v];
+            good = block >= 0 && block < static_cast<int64_t>(offsets.size()) && size >= 1 &&
+                   offsets.data()[block] >= 0 &&
+                   offsets.data()[block] + size * size <= static_cast<int64_t>(values.size());
+            dim += size;
+        }
+        require(good && dim == static_cast<int64_t>(out.size()), "values or output do not fit the pattern");
+        nb::gil_scoped_release release;
+        double* to = out.data();
+        for (size_t v = 0; v < sizes.size(); ++v) {
+            const int64_t size = sizes.data()[v];
+            const double* from = values.data() + offsets.data()[column_starts.data()[v]];
+            for (int64_t k = 0; k < size; ++k) *to++ = from[k * (size + 1)];
+        }
+    });
 }
 
 void bind_analysis(nb::module_ m) {

@@ -40,6 +40,9 @@ public:
         }
         close_ranges();
         plan_runs();
+        for (auto* list : {&out_.rows, &out_.row_offsets}) list->shrink_to_fit();  // they stay as long as the structure
+        out_.segments.shrink_to_fit();
+        out_.runs.shrink_to_fit();
         return std::move(out_);
     }
 

@@ -14,6 +14,7 @@ from rich.console import Console
 
 from clew.cli.interrupt import Interrupt
 from clew.cli.mapping_job import JobOptions, map_log
+from clew.cli.progress import JobProgress
 from clew.io import read_graph, read_tum
 from clew.motion import Odometry
 from clew.scan import LaserScan
@@ -43,6 +44,22 @@ def test_log_that_is_stopped_is_written_as_far_as_it_came(tmp_path: Path) -> Non
     assert (result.summary["complete"], result.summary["refined"], result.summary["scans"]) == (False, False, 20)
     assert len(read_tum(tmp_path / "trajectory.tum")[0]) == 20
     assert len(read_graph(tmp_path / "graph.g2o").graph) == result.summary["keyframes"]
+
+
+def test_refinement_that_is_stopped_ends_with_its_round(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    rounds: list[int] = []
+
+    def refining(self: JobProgress, done: int, most: int) -> None:
+        rounds.append(done)
+        if done == 1:
+            signal.raise_signal(signal.SIGINT)
+
+    monkeypatch.setattr(JobProgress, "refining", refining)
+    result = map_log(drive(), JobOptions(tmp_path, "stopped"), Console(quiet=True))
+    assert rounds == [0, 1]
+    assert result.interrupted
+    assert (result.summary["complete"], result.summary["refined"]) == (True, False)
+    assert "The refinement was interrupted" in (tmp_path / "report.html").read_text()
 
 
 def test_stop_before_any_scan_is_a_plain_interrupt(tmp_path: Path) -> None:

@@ -56,9 +56,24 @@ def test_page_is_only_named_if_asked_or_without_a_screen(
     assert opened == []
 
 
+def test_report_beside_a_result_is_found_by_the_result_and_by_its_folder(
+    tmp_path: Path, clew_command: Command, opened: list[str]
+) -> None:
+    for name in ("best.g2o.gz", "best.report.html"):
+        (tmp_path / name).write_text("x")
+    for given in (tmp_path, tmp_path / "best.g2o.gz"):
+        assert clew_command("view", given).out == f"opened {tmp_path / 'best.report.html'}\n"
+    (tmp_path / "other.report.html").write_text("x")
+    done = clew_command("view", tmp_path)
+    assert_refused(done)
+    assert "best.report.html, other.report.html" in done.err
+    (tmp_path / "report.html").write_text("x")
+    assert clew_command("view", tmp_path).out == f"opened {tmp_path / 'report.html'}\n"
+
+
 def test_folder_without_page_is_refused(tmp_path: Path, clew_command: Command) -> None:
     (tmp_path / "file").write_text("x")
-    for name, word in (("", "clew run LOG"), ("none", "no such folder"), ("file", "no folder")):
+    for name, word in (("", "clew run LOG"), ("none", "no such folder"), ("file", "file.report.html beside it")):
         done = clew_command("view", tmp_path / name)
         assert_refused(done)
         assert word in done.err

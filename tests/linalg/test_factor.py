@@ -34,6 +34,13 @@ def test_everything_agrees_with_the_dense_inverse(pattern: BlockPattern, orderin
     rhs = rng.normal(size=(pattern.dim, 5))
     close(factor.solve(rhs[:, 0]), inverse @ rhs[:, 0])
     close(factor.solve(rhs), inverse @ rhs)
+    for right in (rhs[:, 0].copy(), rhs.copy()):
+        solution = factor.solve(right)
+        assert factor.solve(right, overwrite=True) is right
+        assert right.tobytes() == solution.tobytes()
+    expected = inverse @ rhs[:, 0]
+    close(factor.solve(rhs[:, 0], overwrite=True), expected)  # a column need not be contiguous
+    np.testing.assert_array_equal(pattern.diagonal(values), np.diag(dense(pattern, values)))
     assert factor.log_determinant() == pytest.approx(np.linalg.slogdet(matrix)[1], rel=1e-10, abs=1e-10)
     marginals = factor.marginals()
     n = pattern.sizes.size

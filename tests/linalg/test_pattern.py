@@ -63,6 +63,12 @@ def test_a_pair_outside_the_pattern_is_named() -> None:
         pattern.block_index([1, 2], [0, 0])
 
 
+def test_native_code_checks_that_values_fit_the_pattern() -> None:
+    pattern = BlockPattern.from_pairs([2, 3], [1], [0])
+    with pytest.raises(ValueError, match="do not fit the pattern"):
+        pattern.diagonal(np.zeros(int(pattern.offsets[-1]) - 1))
+
+
 def test_diagonal_block_is_a_view_of_the_right_place() -> None:
     pattern = BlockPattern.from_pairs([2, 1, 3], [], [])
     flat = np.arange(14.0)

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from clew import _native
 from clew.geometry import se2
-from clew.scan import CleaningOptions, LaserScan, concatenate, extract_points
+from clew.scan import CleaningOptions, LaserScan, concatenate, extract_points, fill_surfaces
 from scan.clouds import CORRIDOR, ROOM, T_ROBOT_SENSOR, random_cloud, scan_of
 from scan.twins import surface_normals
 
@@ -121,3 +121,37 @@ def test_transformed_is_a_group_action() -> None:
     both = concatenate([cloud, once])
     assert len(both) == 60
     np.testing.assert_array_equal(both.along, np.concatenate([cloud.along, cloud.along]))
+
+
+def test_a_filled_scan_has_no_holes_in_its_walls_and_nothing_beside_them() -> None:
+    cloud = extract_points(scan_of(ROOM, np.array([0.3, -0.2, 0.4]), beams=121))
+    filled = fill_surfaces(cloud, CleaningOptions(filling=0.04))
+    assert len(filled) > 1.5 * len(cloud)
+    for part in ("points", "normals", "along", "weights"):
+        np.testing.assert_array_equal(getattr(filled, part)[: len(cloud)], getattr(cloud, part))
+    world = filled.transformed(np.array([0.3, -0.2, 0.4]))
+    a, b = ROOM[:, 0], ROOM[:, 1]
+    way = b - a
+    share = np.clip(np.einsum("nsi,si->ns", world.points[:, None] - a, way) / np.sum(way**2, axis=1), 0.0, 1.0)
+    off = np.linalg.norm(a + share[..., None] * way - world.points[:, None], axis=2).min(axis=1)
+    assert off.max() < 0.01  # the pillar is not quite round
+    np.testing.assert_allclose(np.linalg.norm(filled.normals, axis=1), 1.0)
+    wall = world.points[np.abs(world.points[:, 0] - 5.0) < 1e-6]
+    assert np.diff(np.sort(wall[:, 1])).max() <= 0.04 + 1e-9
+
+
+def test_filling_does_not_close_doorways_nor_join_what_lies_behind() -> None:
+    front = np.array([[[3.0, -4.0], [3.0, -0.5]], [[3.0, 0.5], [3.0, 4.0]]])
+    behind = np.array([[[6.0, -4.0], [6.0, 4.0]]])
+    for walls in (front, np.concatenate([front, behind])):
+        cloud = extract_points(scan_of(walls, np.zeros(3), beams=181, view=np.pi))
+        filled = fill_surfaces(cloud, CleaningOptions(filling=0.02))
+        x, y = filled.points.T
+        assert not np.any((x < 5.0) & (np.abs(y) < 0.45))
+        assert not np.any((x > 3.01) & (x < 5.99))
+
+
+@pytest.mark.parametrize("count", [0, 1])
+def test_hardly_a_point_is_left_as_it_is(count: int) -> None:
+    cloud = random_cloud(np.random.default_rng(1), count)
+    assert len(fill_surfaces(cloud)) == count

@@ -14,7 +14,7 @@ from clew.geometry import SE2, se2
 from clew.graph import Role
 from clew.io import write_graph
 from clew.motion import Odometry
-from clew.sim import SimulatedLog
+from clew.sim import LaserModel, OdometryModel, SimulatedLog, simulate_kind
 from clew.slam import Slam
 from slam.drives import closure_error, errors, mapped, measurements, outing, round_trip, truth_of
 
@@ -265,3 +265,15 @@ def test_odometry_edges_are_as_certain_as_they_are_right() -> None:
         assert 0.1 < part.mean() < 6.0
     spread = np.linalg.det(block.information) ** (-1 / 6)
     assert np.median(spread[-40:]) < 1.5 * np.median(spread[:40])
+
+
+@pytest.mark.parametrize("use_odometry", [True, False])
+def test_a_robot_before_far_walls_alone_does_not_seem_to_stand_still(use_odometry: bool) -> None:
+    """The walls of a street are sampled so sparsely that at first only the same beams meet the same places again."""
+    log = simulate_kind("campus", 1, duration=12.0, rate=3.0, laser=LaserModel(beams=181, range_max=25.0),
+                        odometry=OdometryModel.good())
+    slam, truth = mapped(log, use_odometry=use_odometry), truth_of(log)
+    assert np.hypot(*truth[-1, :2]) > 8.0
+    translation, rotation = errors(slam.trajectory.T_world_robot, truth)
+    assert translation.max() < 0.2
+    assert rotation.max() < 0.01

@@ -75,6 +75,18 @@ def test_with_a_robust_kernel_the_tree_trusts_odometry() -> None:
     assert clew.optimize(graph, init="tree", max_iterations=0).values().array[5, 0] == -50
 
 
+@pytest.mark.parametrize("robust", [None, clew.Cauchy()])
+def test_the_tree_of_known_poses_needs_no_odometry(robust: Any) -> None:
+    graph = clew.FactorGraph()
+    keys = graph.add_pose(clew.SE2([0.0, 1.0], [0.0, 0.0], [0.0, 0.0]), constant=True)
+    tree = graph.add_point((5.0, 5.0))
+    graph.add(clew.Between(*keys, clew.SE2(1.1, 0, 0), sigmas=0.1, role="loop"))
+    graph.add(clew.RangeBearing(keys[1], tree, range=2.0, bearing=np.pi / 2, sigmas=(0.1, 0.01)))
+    solution = clew.optimize(graph, init="tree", robust=robust)
+    assert solution.init == "tree"
+    np.testing.assert_allclose(solution.value(tree).array, [1.0, 2.0], atol=1e-9)
+
+
 def test_spanning_forest_by_hand() -> None:
     i, j = np.array([0, 1, 3, 4]), np.array([1, 2, 2, 5])
     none = np.empty(0, np.int64)

@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 import clew
 from clew import _native
 from clew.solve import compile_graph
+from clew.solve.problem import values_of
 from solve.dense import dense_hessian, normal_equations
 from solve.worlds import random_graph
 
@@ -35,8 +36,8 @@ def compare(graph: clew.FactorGraph, robust: Any = None) -> None:
     cost, hessian, gradient = normal_equations(graph, free, robust)
     system = problem.empty_system()
     scale = np.abs(hessian).max(initial=1.0)
-    assert problem.evaluate(problem.values(), robust, system) == pytest.approx(cost, rel=1e-12)
-    assert problem.evaluate(problem.values(), robust) == pytest.approx(cost, rel=1e-12)
+    assert problem.evaluate(values_of(graph), robust, system) == pytest.approx(cost, rel=1e-12)
+    assert problem.evaluate(values_of(graph), robust) == pytest.approx(cost, rel=1e-12)
     np.testing.assert_allclose(dense_hessian(problem, system), hessian, atol=1e-7 * scale)
     np.testing.assert_allclose(system.gradient, gradient, atol=1e-7 * scale)
 
@@ -87,7 +88,7 @@ def test_angles_near_pi_and_zero() -> None:
             graph.add(clew.Between(a, b, type(pose).exp(1e-3 * np.arange(pose.dim)), sigmas=0.5))
             problem, _ = compile_graph(graph)
             system = problem.empty_system()
-            chi2 = problem.evaluate(problem.values(), None, system)
+            chi2 = problem.evaluate(values_of(graph), None, system)
             block = list(graph.blocks())[1]
             values = [pose_.array[None] for pose_ in (identity, pose)]
             e = block.residual(*values, measurement=block.measurement)[0]
@@ -148,13 +149,14 @@ def test_retract_agrees_with_geometry(kind: Any) -> None:
 
 
 def test_native_code_checks_its_input() -> None:
-    problem, _ = compile_graph(random_graph(1, 2, 3, 0))
+    graph = random_graph(1, 2, 3, 0)
+    problem, _ = compile_graph(graph)
     block = problem.blocks[1]
     system = problem.empty_system()
     arguments: dict[str, Any] = {
         "kind": "between_se2",
-        "first": problem.values()[0],
-        "second": problem.values()[0],
+        "first": values_of(graph)[0],
+        "second": values_of(graph)[0],
         "sensor": None,
         "rows": block.rows,
         "measurement": block.factor.measurement,

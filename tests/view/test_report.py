@@ -15,6 +15,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
+import clew
 from clew.errors import InputError
 from clew.factors import Between
 from clew.geometry import SE2, SE3
@@ -27,6 +28,7 @@ from clew.solve import optimize
 from clew.view import report_of_solution, write_report
 from clew.view.report.content import Report
 from clew.view.report.encode import LEVELS, pack_grid, pack_scans
+from clew.view.report.graph import view_graph
 from clew.view.report.page import render
 from clew.view.report.words import counted, duration, key_name, listed, metres
 from cli.commands import environment
@@ -248,3 +250,24 @@ def test_a_report_of_a_solve_loads_neither_matplotlib_nor_the_pipelines() -> Non
               "print(sorted({'matplotlib', 'clew.slam', 'clew.fleet', 'scipy.stats'} & set(sys.modules)))")
     done = subprocess.run([sys.executable, "-c", script], env=environment(), capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "[]"
+
+
+@pytest.mark.parametrize("unit_variance", [0.04, 9.0])
+def test_noise_that_was_found_scales_all_ellipses_and_is_told(unit_variance: float) -> None:
+    graph = clew.FactorGraph()
+    a, b = graph.add_pose(clew.SE2(0, 0, 0)), graph.add_pose(clew.SE2(1, 0, 0.3))
+    point = graph.add_point([2.0, 1.0])
+    graph.add(clew.Prior(a, clew.SE2.identity(), sigmas=(0.1, 0.1, 0.1)))
+    graph.add(clew.Between(a, b, clew.SE2(1, 0, 0.3), sigmas=(0.1, 0.1, 0.1)))
+    for pose in (a, b):
+        graph.add(clew.RangeBearing(pose, point, range=1.4, bearing=0.5, sigmas=(0.1, 0.1)))
+    solution = clew.optimize(graph)
+    stated, found = view_graph(solution), view_graph(solution, unit_variance=unit_variance)
+    for by_found, by_stated in (
+        (found.scene.covariances, stated.scene.covariances),
+        (found.scene.landmarks.covariances, stated.scene.landmarks.covariances),
+    ):
+        np.testing.assert_allclose(by_found, unit_variance * np.asarray(by_stated))
+    percent = f"{100 * np.sqrt(unit_variance):.0f} %"
+    assert [percent in note.text for note in found.notes if "noise that the log states" in note.text] == [True]
+    assert not any("noise that the log states" in note.text for note in stated.notes)

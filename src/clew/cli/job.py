@@ -111,7 +111,8 @@ def _finish(
         sys.stdout.write(json_.dumps(summary) + "\n")
     _report(summary, out, log, console)
     if result.interrupted:
-        console.print("interrupted: the files hold what was mapped so far")
+        console.print("interrupted: the files hold what was mapped so far" if result.summary["complete"] is False
+                      else "interrupted: the whole log is mapped, but not refined to the end")
         return INTERRUPTED
     return 0
 

@@ -43,7 +43,7 @@ class JobOptions:
 
 @dataclass(frozen=True)
 class JobResult:
-    """The estimate, what `summary.json` says of it, and whether the log was read to its end."""
+    """The estimate, what `summary.json` says of it, and whether Ctrl-C cut it short."""
 
     slam: Slam
     summary: dict[str, object]
@@ -98,9 +98,10 @@ def map_log(
                   len(slam.closures), time.perf_counter() - begun)
         if options.refine and not stopped:
             viewer.stage("refining")
-            slam.refine(progress.refining)
+            slam.refine(progress.refining, lambda: interrupt.requested)
         else:
             slam.optimise()
+        interrupted = interrupt.requested
         progress.mapped(0, slam.scan_count)
         viewer.stage("writing")
         estimated = time.perf_counter() - begun
@@ -109,8 +110,9 @@ def map_log(
         skipped = dict(sorted((log.report.skipped + left_out).items()))
         write_report(options.out / "report.html", report_of_run(
             slam, grid, options.title, health=None if health is None else health(), skipped=skipped,
-            complete=not stopped, truth=None if truth is None else truth(slam.trajectory.timestamps)))
-    if stopped:
+            complete=not stopped, refined=stopped or not interrupted,
+            truth=None if truth is None else truth(slam.trajectory.timestamps)))
+    if interrupted:
         viewer.finish("interrupted")
     wall = time.perf_counter() - begun
     stamps = slam.trajectory.timestamps
@@ -129,13 +131,13 @@ def map_log(
         "estimate_seconds": round(estimated, 3),
         "realtime_factor": round(log_seconds / wall, 2) if wall > 0 else 0.0,
         "chi2": slam.chi2,
-        "refined": options.refine and not stopped,
+        "refined": options.refine and not interrupted,
         "complete": not stopped,
         "map_size_m": [round(side * grid.resolution, 2) for side in grid.shape[::-1]],
         "sensor": slam.sensor,
         "skipped": skipped,
     }
-    return JobResult(slam, {**summary, "peak_memory_mb": _rounded(peak_memory_mb())}, stopped)
+    return JobResult(slam, {**summary, "peak_memory_mb": _rounded(peak_memory_mb())}, interrupted)
 
 
 def _rounded(value: float | None) -> float | None:

@@ -13,6 +13,8 @@ from clew.io import GraphFile, atomic_write, write_csv, write_graph, write_kitti
 from clew.noise import Kernel
 from clew.solve import Solution
 
+REPORT_ENDING = ".report.html"
+
 Array = NDArray[np.float64]
 
 
@@ -67,7 +69,7 @@ def draw(path: Path, solution: Solution, *, ellipses: bool) -> None:
 
 def report_beside(output: Path) -> Path:
     """Where the report of a result goes unless it is told: ``best.report.html`` beside ``best.g2o.gz``."""
-    return output.with_name(output.name.split(".")[0] + ".report.html")
+    return output.with_name(output.name.split(".")[0] + REPORT_ENDING)
 
 
 def write_solution_report(

@@ -14,7 +14,8 @@ PAGE = "report.html"
 
 def view(
     out: Annotated[Path, typer.Argument(metavar="OUT", show_default=False,
-                                        help="Output folder of a run, an optimisation or a merge, or its page.")],
+                                        help="Output folder of a run or a merge, a result of an optimisation, or "
+                                             "a page.")],
     no_open: Annotated[bool, typer.Option("--no-open", help="Only print where the page is.")] = False,
     json: Json = False,
     quiet: Quiet = False,
@@ -28,6 +29,8 @@ def view(
     **Examples**
 
     `clew view out`
+
+    `clew view best.g2o`
 
     `clew view out --no-open`
     """
@@ -44,11 +47,12 @@ def view(
 
 
 def find_page(out: Path) -> Path:
-    """The absolute path of the page of an output folder.
+    """The absolute path of the page of an output folder, or of a result that has its report beside it.
 
     Raises:
-        InputError: there is none.
+        InputError: there is none, or a folder has several.
     """
+    from clew.cli.solution_outputs import REPORT_ENDING, report_beside
     from clew.errors import InputError
 
     if out.is_file() and out.suffix.lower() in (".html", ".htm"):
@@ -56,8 +60,17 @@ def find_page(out: Path) -> Path:
     if not out.exists():
         raise InputError(f"{out}: no such folder; give the output folder of `clew run`, `optimize` or `merge`")
     if not out.is_dir():
-        raise InputError(f"{out}: is no folder; give the output folder of `clew run`, `optimize` or `merge`")
-    page = out / PAGE
-    if not page.is_file():
+        beside = report_beside(out)
+        if beside.is_file():
+            return beside.resolve()
+        raise InputError(f"{out}: has no {beside.name} beside it; give the output folder of `clew run` or `merge`, or "
+                         "a result of `clew optimize`")
+    if (out / PAGE).is_file():
+        return (out / PAGE).resolve()
+    pages = sorted(out.glob(f"*{REPORT_ENDING}"))
+    if len(pages) > 1:
+        names = ", ".join(page.name for page in pages[:4]) + (", ..." if len(pages) > 4 else "")
+        raise InputError(f"{out}: holds {len(pages)} reports; choose one: {names}")
+    if not pages:
         raise InputError(f"{out}: holds no {PAGE}; make one with `clew run LOG -o {out}`")
-    return page.resolve()
+    return pages[0].resolve()

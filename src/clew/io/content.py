@@ -61,10 +61,12 @@ def _unpack(data: bytes, magic: bytes, make: type[bz2.BZ2Decompressor] | None) -
 
 
 def check_readable(path: Path) -> None:
-    """Raise `InputError` unless `path` is there and may be read."""
+    """Raise `InputError` unless `path` is there, may be read, and has an end."""
     try:
         if not path.exists():
             raise InputError(f"{path}: no such file; check the path")
+        if path.is_char_device() or path.is_block_device():  # some never end
+            raise InputError(f"{path}: is a device; store it in a file first")
         if path.is_file():  # opening a pipe waits for its writer
             with path.open("rb"):
                 pass

@@ -63,14 +63,17 @@ class Factor:
         """The variable with that pivot, or -1 for an empty matrix."""
         return self._numeric.weakest_variable
 
-    def solve(self, rhs: ArrayLike) -> Floats:
+    def solve(self, rhs: ArrayLike, *, overwrite: bool = False) -> Floats:
         """Solution of ``H x = rhs``, in the shape of the right-hand side.
 
         Args:
             rhs: ``(dim,)`` or ``(dim, k)``, in the order of the variables.
+            overwrite: the right-hand side is not needed any more; if it is a contiguous array of doubles, the
+                solution takes its place.
         """
         self._require_ok()
-        x = np.array(rhs, dtype=np.float64, order="C")
+        x: Floats
+        x = np.require(rhs, np.float64, ["C", "W"]) if overwrite else np.array(rhs, np.float64, order="C")
         if x.ndim not in (1, 2) or x.shape[0] != self._pattern.dim:
             dim = self._pattern.dim
             raise InputError(f"the right-hand side has shape {x.shape}; it must be ({dim},) or ({dim}, k)")

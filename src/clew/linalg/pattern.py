@@ -91,6 +91,12 @@ class BlockPattern:
             raise InputError(f"the pattern has no block of variables {i_[k]} and {j_[k]}; add the pair to it")
         return found
 
+    def diagonal(self, values: Floats) -> Floats:
+        """Diagonal ``(dim,)`` of the matrix with these values ``(offsets[-1],)``."""
+        out = np.empty(self.dim)
+        _native.linalg.diagonal(self.sizes, self.column_starts, self.offsets, values, out)
+        return out
+
     def diagonal_block(self, marginals: Floats, variable: int) -> Floats:
         """The ``(d, d)`` block of one variable in what `Factor.marginals` returned (a view)."""
         if not 0 <= variable < self.sizes.size:

@@ -18,6 +18,7 @@ from clew.scan import (
     ScanPoints,
     build_pyramid,
     concatenate,
+    fill_surfaces,
     index_cloud,
     merge_surfels,
 )
@@ -39,7 +40,7 @@ class Submap:
 
     Attributes:
         keyframe: index of the keyframe whose frame it is (its anchor).
-        surfels: the points, in the anchor's frame.
+        surfels: the points, in the anchor's frame; walls that are sampled sparsely are filled.
         rays: the same returns before merging, with the positions of the sensor.
     """
 
@@ -120,4 +121,5 @@ def build_submap(
         np.concatenate(endpoints),
         np.ones(offsets[-1], dtype=np.bool_),
     )
-    return Submap(keyframe, surfels_of(clouds, T_anchor_keyframe), rays)
+    filled = [fill_surfaces(cloud) for cloud in clouds]
+    return Submap(keyframe, surfels_of(filled, T_anchor_keyframe), rays)

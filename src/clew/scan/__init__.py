@@ -11,7 +11,7 @@ from clew.scan.feature_returns import ReturnOptions
 from clew.scan.index import IndexedClouds, SourceClouds, index_cloud, join, merge_surfels
 from clew.scan.laser import LaserScan
 from clew.scan.noise import collinearity_residuals, robust_deviation
-from clew.scan.points import CleaningOptions, ScanPoints, concatenate, extract_points
+from clew.scan.points import CleaningOptions, ScanPoints, concatenate, extract_points, fill_surfaces
 from clew.scan.tags import FAMILIES, Camera, Tags, find_tags
 
 __all__ = [
@@ -42,6 +42,7 @@ __all__ = [
     "correlate",
     "deskew",
     "extract_points",
+    "fill_surfaces",
     "find_circles",
     "find_corners",
     "find_lines",

@@ -13,6 +13,8 @@ from clew.scan.laser import LaserScan
 Array = NDArray[np.float64]
 
 MOST_NEIGHBOURS = 64  # on each side
+FLAT = 0.1  # radians; neighbours whose normals are this perpendicular to the line between them lie on one straight wall
+FILLING_WEIGHT = 0.01  # of a point between two returns: where surfels are merged, returns rule
 
 
 @dataclass(frozen=True)
@@ -28,6 +30,8 @@ class CleaningOptions:
             ``gap_base + gap_per_metre * range`` ends the surface.
         spacing: returns closer together than this share their weight, metres, so that a wall right beside
             the robot does not outvote the rest of the room.
+        filling: neighbouring returns on one wall that are further apart get points between them where others are
+            matched against them (`fill_surfaces`), metres.
         blob: ratio of a neighbourhood's minor to major deviation from which it counts as no line.
     """
 
@@ -36,6 +40,7 @@ class CleaningOptions:
     gap_base: float = 0.06
     gap_per_metre: float = 0.06
     spacing: float = 0.05
+    filling: float = 0.1
     blob: float = 0.4
 
 
@@ -95,3 +100,36 @@ def extract_points(scan: LaserScan, options: CleaningOptions | None = None) -> S
     along = np.where(ratio > options.blob, ratio, 0.0)
     weights = np.clip(r * abs(scan.angle_increment) / options.spacing, 0.1, 1.0)
     return ScanPoints(points, normals, along, weights).transformed(scan.T_robot_sensor)
+
+
+def fill_surfaces(cloud: ScanPoints, options: CleaningOptions | None = None) -> ScanPoints:
+    """A scan with points put between neighbouring returns on one straight wall, for others to be matched against.
+
+    Far and grazing walls are sampled so sparsely that a scan taken half a metre on finds no partners there but where
+    the same beams met: it would seem that the robot stood still. The points put in tell nothing new: a filled scan must
+    not be the one that is moved, and where `merge_surfels` finds returns beside them these decide.
+
+    Args:
+        cloud: as `extract_points` returns it, in the order of its beams.
+        options: those of the extraction: `filling`, and where a surface ends.
+    """
+    options = options or CleaningOptions()
+    step = options.filling
+    if len(cloud) < 2:
+        return cloud
+    way = np.diff(cloud.points, axis=0)
+    length = np.hypot(way[:, 0], way[:, 1])
+    gap = options.gap_base + options.gap_per_metre * np.hypot(*cloud.points[:-1].T)
+    across = np.maximum(*(np.abs(np.sum(way * n, axis=1)) for n in (cloud.normals[:-1], cloud.normals[1:])))
+    facing = np.sum(cloud.normals[:-1] * cloud.normals[1:], axis=1) > 0
+    wall = (length > step) & (length <= gap) & (across <= FLAT * length) & facing
+    first = np.flatnonzero(wall)
+    more = np.ceil(length[first] / step).astype(np.int64) - 1
+    row = np.repeat(first, more)
+    number = np.arange(len(row)) - np.repeat(np.cumsum(more) - more, more) + 1
+    share = (number / np.repeat(more + 1, more))[:, None]
+    normals = (1.0 - share) * cloud.normals[row] + share * cloud.normals[row + 1]
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    weights = FILLING_WEIGHT * cloud.weights[row]
+    between = ScanPoints(cloud.points[row] + share * way[row], normals, np.zeros(len(row)), weights)
+    return concatenate([cloud, between])

@@ -72,6 +72,7 @@ def refine(
     config: SlamConfig,
     sensor: SensorModel,
     progress: Callable[[int, int], None] | None = None,
+    stop: Callable[[], bool] | None = None,
 ) -> FactorGraph:
     """The graph with scan-to-scan edges added, at its optimum.
 
@@ -83,6 +84,7 @@ def refine(
         config: `SlamConfig.refinement` and `threads` are used.
         sensor: how returns are weighted.
         progress: called with the rounds done, beginning with 0, and the most there can be.
+        stop: asked after each round whether to leave it at that.
     """
     options = config.refinement
     if progress is not None:
@@ -103,7 +105,7 @@ def refine(
         poses = moved_to
         if progress is not None:
             progress(round_ + 1, options.rounds)
-        if movement < options.movement and round_ + 1 >= len(RADII):
+        if (movement < options.movement and round_ + 1 >= len(RADII)) or (stop is not None and stop()):
             break
     return graph
 

@@ -160,12 +160,19 @@ class Slam:
         self._pose_graph.optimise(to_the_end=True)
         self._viewer.moved(self)
 
-    def refine(self, progress: Callable[[int, int], None] | None = None) -> None:
-        """Optimise, and refine all keyframes jointly against all scans that they overlap with (`slam.refine`)."""
+    def refine(
+        self, progress: Callable[[int, int], None] | None = None, stop: Callable[[], bool] | None = None
+    ) -> None:
+        """Optimise, and refine all keyframes jointly against all scans that they overlap with.
+
+        Args:
+            progress: called with the rounds done, beginning with 0, and the most there can be.
+            stop: asked after each round whether to leave it at that.
+        """
         if len(self._keyframes) < 2:
             return
         self.optimise()
-        self._refined = refine(self._keyframes, self._pose_graph.graph, self.config, self._sensor, progress)
+        self._refined = refine(self._keyframes, self._pose_graph.graph, self.config, self._sensor, progress, stop)
         self._pose_graph.set_poses(np.asarray(self._refined.values(SE2).array))
         self._viewer.moved(self)
 

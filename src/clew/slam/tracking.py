@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from clew.geometry import se2
+from clew.place import surfels_of
 from clew.scan import (
     IndexedClouds,
     LaserScan,
@@ -18,6 +19,7 @@ from clew.scan import (
     build_pyramid,
     correlate,
     extract_points,
+    fill_surfaces,
     index_cloud,
     merge_surfels,
     without_normal_noise,
@@ -100,6 +102,7 @@ class Tracker:
         self._sensor = sensor
         self._predictor = MotionPredictor(config, sensor)
         self._map: _LocalMap | None = None
+        self._surfaces: dict[int, ScanPoints] = {}  # those of the keyframes in the map, filled
         self._T_keyframe_robot = np.zeros(3)  # at the last matched scan
         self._covariance = np.zeros((3, 3))
         self._scan: LaserScan | None = None  # the last matched one
@@ -261,9 +264,14 @@ class Tracker:
         return index
 
     def _build_map(self, index: int) -> _LocalMap:
-        options = self._config.tracking
+        options, cleaning = self._config.tracking, self._config.cleaning
         members = self._keyframes.between(index + 1 - options.map_keyframes, index + 1)
-        surfels = self._keyframes.surfels(index, members, options.voxel)
+        self._surfaces = {
+            k: self._surfaces[k] if k in self._surfaces else fill_surfaces(self._keyframes[k].points, cleaning)
+            for k in members.tolist()
+        }
+        poses = self._keyframes.relative(index, members)
+        surfels = surfels_of(list(self._surfaces.values()), poses, options.voxel)
         pyramid = build_pyramid(
             surfels.points, resolution=options.resolution, sigma=options.sigma, levels=PYRAMID_LEVELS
         )

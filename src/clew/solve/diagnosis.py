@@ -105,10 +105,11 @@ def _involvement(problem: Problem) -> tuple[Array, Array]:
     residuals = np.zeros(len(problem.row_of))
     for block in problem.blocks:
         rank = np.linalg.matrix_rank(block.factor.information, hermitian=True)
-        for position in range(block.columns.shape[1]):
-            free = block.columns[:, position] >= 0
-            np.add.at(factors, block.columns[free, position], 1)
-            np.add.at(residuals, block.columns[free, position], rank[free])
+        for position, table in enumerate(block.tables):
+            columns = problem.columns[table][block.rows[:, position]]
+            free = columns >= 0
+            np.add.at(factors, columns[free], 1)
+            np.add.at(residuals, columns[free], rank[free])
     return factors, residuals
 
 

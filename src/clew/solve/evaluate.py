@@ -49,7 +49,6 @@ class CompiledBlock:
         factor: the block.
         tables: for each position the number of its kind in the list of values.
         rows: ``(M, arity)`` row of each variable in the array of its kind.
-        columns: ``(M, arity)`` column of each variable, -1 for constant ones.
         gradient: ``(M, arity)`` offset of each variable in the gradient, -1 for constant ones.
         plan: see `scatter_plan`.
     """
@@ -57,7 +56,6 @@ class CompiledBlock:
     factor: Factor
     tables: tuple[int, ...]
     rows: Rows
-    columns: Rows
     gradient: Rows
     plan: NDArray[np.int64]
 

@@ -11,7 +11,7 @@ import numpy as np
 from clew.noise import Kernel
 from clew.solve.evaluate import System
 from clew.solve.problem import Problem, Values
-from clew.solve.search import Search
+from clew.solve.search import Search, largest_of
 from clew.solve.status import Status
 
 
@@ -79,6 +79,7 @@ def iterate(
     clock = _Clock()
     system = problem.empty_system()
     trace = Trace(values, [problem.evaluate(values, robust, system)], system)
+    del values  # the caller may have let them go, too
     clock.lap(trace, "linearise")
     if problem.pattern.dim == 0:
         trace.status = Status.NOTHING_TO_DO
@@ -88,7 +89,7 @@ def iterate(
         return trace
     fresh = True
     while trace.iterations < stopping.max_iterations:
-        if fresh and np.abs(system.gradient).max() <= stopping.gradient:
+        if fresh and largest_of(system.gradient) <= stopping.gradient:
             trace.status = Status.CONVERGED
             break
         step = search.propose(problem, system, fresh)
@@ -102,7 +103,7 @@ def iterate(
         chi2 = problem.evaluate(candidate, robust, system)
         before = trace.chi2[-1]
         fresh = search.judge(step, before - chi2)
-        largest = float(np.abs(step.delta).max())
+        largest = largest_of(step.delta)
         if fresh:
             trace.values = candidate
             trace.chi2.append(chi2)
@@ -120,6 +121,7 @@ def iterate(
         if not fresh and search.exhausted:
             trace.status = Status.STALLED if np.isfinite(chi2) else Status.NOT_FINITE
             break
+        del step, candidate  # large, and there will be new ones
     if trace.status is not Status.NOT_FINITE and trace.chi2[-1] > 10.0 * trace.chi2[0] + 1e-9:
         trace.status = Status.DIVERGED
     return trace

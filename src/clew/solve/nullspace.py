@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from clew.linalg import Factor, FactorStatus
 from clew.solve.evaluate import System
 from clew.solve.problem import Problem
-from clew.solve.search import multiply
+from clew.solve.search import multiply, raised_diagonal
 
 Array = NDArray[np.float64]
 
@@ -21,9 +21,8 @@ _FLAT = 1e-12  # eigenvalue relative to the diagonal that counts as zero
 
 def scale_of(problem: Problem, system: System) -> Array:
     """Square roots of the Hessian's diagonal ``(dim,)``, never zero."""
-    diagonal = system.hessian[problem.diagonal]
-    scale: Array = np.sqrt(np.maximum(diagonal, 1e-9 * diagonal.max(initial=1e-9)))
-    return scale
+    scale = raised_diagonal(problem, system)
+    return np.sqrt(scale, out=scale)
 
 
 def looks_singular(problem: Problem, system: System, factor: Factor | None, damping: float) -> bool:
@@ -34,7 +33,7 @@ def looks_singular(problem: Problem, system: System, factor: Factor | None, damp
     """
     if factor is None or factor.status is not FactorStatus.OK:
         return True
-    diagonal = system.hessian[problem.diagonal]
+    diagonal = problem.pattern.diagonal(system.hessian)
     empty = diagonal.min(initial=np.inf) < _ROUNDING * diagonal.max(initial=0.0)
     return bool(empty) or factor.min_pivot < max(_ROUNDING, 100.0 * damping)
 

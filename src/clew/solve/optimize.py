@@ -6,7 +6,6 @@ import time
 import weakref
 from types import MappingProxyType
 
-from clew import _native
 from clew.errors import InputError
 from clew.graph import FactorGraph
 from clew.noise import Kernel
@@ -15,7 +14,7 @@ from clew.solve.gauge import Gauge, find_gauge
 from clew.solve.initial import initial_guess
 from clew.solve.loop import Callback, Stopping, iterate
 from clew.solve.posterior import Posterior
-from clew.solve.problem import Problem, build_problem
+from clew.solve.problem import Problem, build_problem, values_of
 from clew.solve.search import Dogleg, GaussNewton, LevenbergMarquardt, Search
 from clew.solve.second_try import doubtful, second_try
 from clew.solve.solution import Solution
@@ -27,8 +26,6 @@ METHODS: dict[str, type[Search]] = {
     "dogleg": Dogleg,
 }
 GUESSES = ("auto", "file", "tree", "rotation", "sequential")
-
-_LARGE = 5000  # scalars above which memory is worth a tenth of a millisecond
 
 # What was compiled last for a graph, as long as its structure and the options of the analysis stand.
 _compiled: weakref.WeakKeyDictionary[FactorGraph, tuple[tuple[int, str, int], Problem, Gauge]]
@@ -99,18 +96,17 @@ def optimize(
     problem, gauge = compile_graph(graph, ordering, threads)
     if problem.pattern.dim:
         _ = problem.symbolic
-    _release_memory(problem)
     compiled = time.perf_counter()
-    current = [table.values for table in graph.variables()]
-    values, used = initial_guess(problem, current, init, robust)
-    _release_memory(problem)
+    values, used = initial_guess(problem, values_of(graph), init, robust)
+    start_values = [values]
+    del values  # the iteration alone holds them, and lets them go with its first step
     initialised = time.perf_counter()
     stopping = Stopping(max_iterations, cost_tolerance, step_tolerance, gradient_tolerance)
     search = METHODS[method]()
-    trace = iterate(problem, values, robust, search, stopping, callback)
+    trace = iterate(problem, start_values.pop(), robust, search, stopping, callback)
     if init == "auto" and method == _DEFAULT and doubtful(problem, trace):
         first = trace, used, search
-        trace, used, search = second_try(problem, current, first, robust, stopping, callback)
+        trace, used, search = second_try(problem, values_of(graph), first, robust, stopping, callback)
     posterior = Posterior(problem, trace.values, trace.system)
     status, diagnosis = diagnose(posterior, gauge, trace.status, search)
     seconds = {
@@ -134,9 +130,3 @@ def optimize(
     if update:
         solution.apply(graph)
     return solution
-
-
-def _release_memory(problem: Problem) -> None:
-    """Do not carry what a stage has freed through the next one, whose arrays have other sizes."""
-    if problem.pattern.dim >= _LARGE:
-        _native.linalg.release_memory()

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from clew import _native
 from clew.geometry import SE2, SE3
-from clew.graph import FactorGraph, Role, Variables
+from clew.graph import FactorGraph, Role
 from clew.linalg import BlockPattern, SymbolicFactor, analyse
 from clew.noise import Kernel
 from clew.solve.evaluate import CompiledBlock, System
@@ -21,6 +21,14 @@ from clew.solve.plan import pattern_of, scatter_plan
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 Values = list[Array]  # one (N, storage) array a kind, in the order of `Problem.tables`
+
+
+@dataclass(frozen=True, eq=False)
+class Table:
+    """The variables of one kind: their manifold and their keys ``(N,)``."""
+
+    kind: type[Any]
+    keys: Index
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,7 +45,7 @@ class Problem:
         blocks: the factors.
     """
 
-    tables: tuple[Variables, ...]
+    tables: tuple[Table, ...]
     columns: tuple[NDArray[np.int32], ...]
     table_of: NDArray[np.int32]
     row_of: Index
@@ -56,15 +64,6 @@ class Problem:
         """For each kind ``(N,)`` the first scalar of each variable in the gradient, -1 if constant."""
         starts = np.append(self.pattern.starts[:-1], -1).astype(np.int32)
         return tuple(starts[columns] for columns in self.columns)
-
-    @cached_property
-    def diagonal(self) -> Index:
-        """``(dim,)`` where the diagonal of the matrix is in the Hessian's values."""
-        pattern = self.pattern
-        sizes = pattern.sizes.astype(np.int64)
-        first = pattern.offsets[pattern.column_starts[:-1]]
-        within = np.arange(pattern.dim) - np.repeat(pattern.starts[:-1], sizes)
-        return np.repeat(first, sizes) + within * (np.repeat(sizes, sizes) + 1)
 
     def key_of(self, column: int) -> int:
         """Key of the variable in a column."""
@@ -103,9 +102,10 @@ class Problem:
             moved.append(out)
         return moved
 
-    def values(self) -> Values:
-        """The values that the graph had when it was compiled."""
-        return [table.values for table in self.tables]
+
+def values_of(graph: FactorGraph) -> Values:
+    """Copies of the values that a graph has, in the order of `Problem.tables`."""
+    return [table.values for table in graph.variables()]
 
 
 def kernel_of(block: CompiledBlock, robust: Kernel | None) -> Kernel | None:
@@ -162,7 +162,8 @@ def build_problem(
     pattern = pattern_of(sizes, touched)
     starts = np.append(pattern.starts[:-1], -1).astype(np.int32)
     blocks = tuple(
-        CompiledBlock(factor, place, row, column, starts[column], scatter_plan(pattern, column))
+        CompiledBlock(factor, place, row, starts[column], scatter_plan(pattern, column))
         for factor, place, row, column in zip(factors, places, rows, touched, strict=True)
     )
-    return Problem(tables, tuple(columns), table_of, row_of, pattern, blocks, ordering, threads)
+    names = tuple(Table(table.kind, table.keys) for table in tables)
+    return Problem(names, tuple(columns), table_of, row_of, pattern, blocks, ordering, threads)

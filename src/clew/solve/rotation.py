@@ -8,7 +8,7 @@ the plane one column says it all. The solutions are projected to the nearest rot
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,7 +24,7 @@ Array = NDArray[np.float64]
 #: Of relations in a row: ``A (m, s, s)``, ``B (m, s, s)``, ``c (m, s, k)``, ``Omega (m, s, s)``; see `_Linear.solve`.
 Terms = tuple[Array, Array, Array, Array]
 
-_PIECE = 4096  # relations handled together
+_PIECE = 4096  # poses handled together
 
 
 def rotation_guess(problem: Problem, relations: Relations) -> Array | None:
@@ -66,29 +66,29 @@ class _Linear:
         pattern: BlockPattern,
         symbolic: SymbolicFactor,
     ) -> None:
-        self.i, self.j, self.known = relations.i, relations.j, relations.known
+        self.relations = relations
         self.free = np.flatnonzero(columns >= 0)
         self.pattern, self.symbolic = pattern, symbolic
         self.gradient = np.append(pattern.starts[:-1], -1).astype(np.int32)[pairs]
         self.plan = scatter_plan(pattern, pairs)
 
-    def solve(self, terms: Callable[[slice], Terms], known: Array) -> Array | None:
+    def solve(self, terms: Callable[[slice, Array, Array], Terms], known: Array) -> Array | None:
         """Minimise ``sum |A_m x_i + B_m x_j + c_m|^2`` in the norm of ``Omega_m``, for k problems that differ in
         ``c`` and in `known` only.
 
         Args:
-            terms: of a slice of the relations; they are taken piece by piece, to need little memory.
+            terms: of a piece of the relations, see `Relations.pieces`.
             known: ``(N, space, k)`` values of the known poses, zero elsewhere.
 
         Returns:
             ``(N, space, k)``, or None if the measurements leave a pose free.
         """
-        problems = known.shape[2]
+        problems, relations = known.shape[2], self.relations
         hessian = np.zeros(int(self.pattern.offsets[-1]))
         gradient = np.zeros((problems, self.pattern.dim))
-        for piece in _pieces(len(self.i)):
-            by_i, by_j, constant, information = terms(piece)
-            residual = by_i @ known[self.i[piece]] + by_j @ known[self.j[piece]] + constant
+        for piece, *measured in relations.pieces():
+            by_i, by_j, constant, information = terms(piece, *measured)
+            residual = by_i @ known[relations.i[piece]] + by_j @ known[relations.j[piece]] + constant
             jacobians = [np.ascontiguousarray(by_i), np.ascontiguousarray(by_j)]
             for k in range(problems):
                 _native.solve.accumulate(
@@ -108,30 +108,30 @@ class _Linear:
             return None
         del hessian
         solution: Array = known.copy()
-        solution[self.free] = factor.solve(-gradient.T).reshape(len(self.free), -1, problems)
+        downhill = np.negative(gradient.T, order="C")
+        del gradient
+        solution[self.free] = factor.solve(downhill, overwrite=True).reshape(len(self.free), -1, problems)
         return solution
-
-
-def _pieces(count: int) -> Iterator[slice]:
-    """Slices that cover ``count`` rows."""
-    return (slice(start, start + _PIECE) for start in range(0, count, _PIECE))
 
 
 def _rotations(relations: Relations, system: _Linear) -> Array | None:
     """Rotation part of the storage of each pose, ``(N, 1)`` or ``(N, 4)``."""
     space = relations.kind.space
     matrix = so2.matrix if space == 2 else so3.matrix
-    weight = np.trace(relations.information[:, space:, space:], axis1=1, axis2=2)
+    weight = np.concatenate(
+        [np.trace(omega[:, space:, space:], axis1=1, axis2=2) for _, _, omega in relations.pieces()]
+    )
     weight = np.maximum(weight, 1e-9 * weight.max(initial=1e-9))
     vectors = 1 if space == 2 else 3
 
-    def terms(piece: slice) -> Terms:
-        measured = np.swapaxes(matrix(relations.measurement[piece, space:]), 1, 2)
+    def terms(piece: slice, measurement: Array, _: Array) -> Terms:
+        measured = np.swapaxes(matrix(measurement[:, space:]), 1, 2)
         eye = np.broadcast_to(np.eye(space), measured.shape)
         return -measured, eye, np.zeros((len(eye), space, vectors)), weight[piece, None, None] * eye
 
     known = np.zeros((len(relations.start), space, vectors))
-    known[system.known] = np.swapaxes(matrix(relations.start[system.known, space:]), 1, 2)[:, :, :vectors]
+    first = relations.known
+    known[first] = np.swapaxes(matrix(relations.start[first, space:]), 1, 2)[:, :, :vectors]
     solution = system.solve(terms, known)
     if solution is None or not np.isfinite(solution).all():
         return None
@@ -139,7 +139,8 @@ def _rotations(relations: Relations, system: _Linear) -> Array | None:
         angles: Array = np.arctan2(-solution[:, 1], solution[:, 0])
         return angles
     quaternions = np.empty((len(solution), 4))
-    for piece in _pieces(len(solution)):
+    for start in range(0, len(solution), _PIECE):
+        piece = slice(start, start + _PIECE)
         left, _, right = np.linalg.svd(solution[piece])
         left[:, :, 2] *= np.sign(np.linalg.det(left @ right))[:, None]
         quaternions[piece] = so3.from_matrix(np.swapaxes(left @ right, 1, 2))
@@ -151,13 +152,13 @@ def _positions(relations: Relations, system: _Linear, rotations: Array) -> Array
     space = relations.kind.space
     matrix = so2.matrix if space == 2 else so3.matrix
 
-    def terms(piece: slice) -> Terms:
-        measured = np.swapaxes(matrix(relations.measurement[piece, space:]), 1, 2)
+    def terms(piece: slice, measurement: Array, information: Array) -> Terms:
+        measured = np.swapaxes(matrix(measurement[:, space:]), 1, 2)
         turn = measured @ np.swapaxes(matrix(rotations[relations.i[piece]]), 1, 2)
-        offset = measured @ relations.measurement[piece, :space, None]
-        return -turn, turn, -offset, np.ascontiguousarray(relations.information[piece, :space, :space])
+        offset = measured @ measurement[:, :space, None]
+        return -turn, turn, -offset, np.ascontiguousarray(information[:, :space, :space])
 
     known = np.zeros((len(relations.start), space, 1))
-    known[system.known, :, 0] = relations.start[system.known, :space]
+    known[relations.known, :, 0] = relations.start[relations.known, :space]
     solution = system.solve(terms, known)
     return None if solution is None else solution[:, :, 0]

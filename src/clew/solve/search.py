@@ -75,7 +75,7 @@ class GaussNewton:
         self.factor = problem.symbolic.factorize(system.hessian, into=self.factor)
         if self.factor.status is not FactorStatus.OK:
             return None
-        delta = self.factor.solve(-system.gradient)
+        delta = self.factor.solve(-system.gradient, overwrite=True)
         return Step(delta, -inner(system.gradient, delta), full=True)
 
     def judge(self, step: Step, decrease: float) -> bool:
@@ -101,22 +101,20 @@ class LevenbergMarquardt:
     damping: float = _RESTING_DAMPING
     growth: float = 2.0
     factor: Factor | None = None
-    _scale: Array = field(default_factory=lambda: np.empty(0))
 
     def propose(self, problem: Problem, system: System, fresh: bool) -> Step | None:
         """Solution of ``(H + damping D) step = -g``."""
-        if fresh:
-            diagonal = system.hessian[problem.diagonal]
-            self._scale = np.maximum(diagonal, 1e-9 * diagonal.max(initial=1e-9))
         while not self.exhausted:
-            damped = self.damping * self._scale
+            damped = raised_diagonal(problem, system)
+            damped *= self.damping
             self.factor = problem.symbolic.factorize(system.hessian, damping=damped, into=self.factor)
             if self.factor.status is FactorStatus.NOT_FINITE:
                 return None
             if self.factor.status is FactorStatus.OK:
-                delta = self.factor.solve(-system.gradient)
-                predicted = inner(delta, damped * delta - system.gradient)
-                return Step(delta, predicted, full=self.damping < 1e-2)
+                delta = self.factor.solve(-system.gradient, overwrite=True)
+                damped *= delta
+                damped -= system.gradient
+                return Step(delta, inner(delta, damped), full=self.damping < 1e-2)
             self._raise()
         return None
 
@@ -161,9 +159,9 @@ class Dogleg:
             self.factor = problem.symbolic.factorize(system.hessian, into=self.factor)
             if self.factor.status is not FactorStatus.OK:
                 return None
-            diagonal = system.hessian[problem.diagonal]
-            self._scale = np.sqrt(np.maximum(diagonal, 1e-9 * diagonal.max(initial=1e-9)))
-            self._newton = self.factor.solve(-gradient)
+            self._scale = raised_diagonal(problem, system)
+            np.sqrt(self._scale, out=self._scale)
+            self._newton = self.factor.solve(-gradient, overwrite=True)
             downhill = -gradient / self._scale**2
             curvature = inner(downhill, multiply(problem, system, downhill))
             self._cauchy = downhill * -inner(gradient, downhill) / max(curvature, 1e-300)
@@ -197,6 +195,18 @@ class Dogleg:
     def exhausted(self) -> bool:
         """Steps this short change nothing in double precision."""
         return self.radius < 1e-14
+
+
+def raised_diagonal(problem: Problem, system: System) -> Array:
+    """The Hessian's diagonal ``(dim,)``, entries near zero raised to a billionth of the largest."""
+    diagonal = problem.pattern.diagonal(system.hessian)
+    np.maximum(diagonal, 1e-9 * diagonal.max(initial=1e-9), out=diagonal)
+    return diagonal
+
+
+def largest_of(vector: Array) -> float:
+    """Largest magnitude in a vector that is not empty; NaN if any is."""
+    return float(max(vector.max(), -vector.min()))
 
 
 def inner(a: Array, b: Array) -> float:

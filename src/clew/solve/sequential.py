@@ -20,7 +20,7 @@ from clew.noise import Kernel
 from clew.solve.gauge import find_gauge
 from clew.solve.landmarks import Flags, sighted_landmarks
 from clew.solve.loop import Stopping, iterate
-from clew.solve.problem import Problem, Values, build_problem
+from clew.solve.problem import Problem, Values, build_problem, values_of
 from clew.solve.relations import Relations
 from clew.solve.search import LevenbergMarquardt
 from clew.solve.tree import span
@@ -80,7 +80,7 @@ def _correct(problem: Problem, values: Values, known: list[Flags], robust: Kerne
         if whole.any():
             part.add(_some(block.factor, whole))
     small = build_problem(part, find_gauge(part).held, problem.ordering, problem.threads)
-    trace = iterate(small, small.values(), robust, LevenbergMarquardt(), _STOPPING)
+    trace = iterate(small, values_of(part), robust, LevenbergMarquardt(), _STOPPING)
     number_of = {table.kind: number for number, table in enumerate(problem.tables)}
     for table, array in zip(small.tables, trace.values, strict=True):
         number = number_of[table.kind]

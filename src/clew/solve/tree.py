@@ -23,13 +23,13 @@ def span(relations: Relations, suspicious: bool) -> tuple[Any, Array]:
     count = len(relations.start)
     forest = _native.solve.spanning_forest(count, relations.i, relations.j, relations.known)
     if suspicious:
-        odometry = np.flatnonzero(relations.odometry)
+        odometry = relations.odometry()
         careful = _native.solve.spanning_forest(
             count, relations.i[odometry], relations.j[odometry], relations.known
         )
         if careful[4].max(initial=-1) == forest[4].max(initial=-1):
-            return careful, np.ascontiguousarray(relations.measurement[odometry])
-    return forest, relations.measurement
+            return careful, relations.measurement(odometry=True)
+    return forest, relations.measurement()
 
 
 def tree_guess(relations: Relations, suspicious: bool) -> Array:

@@ -152,6 +152,21 @@ class Landmarks:
 
 
 @dataclass(frozen=True, eq=False)
+class Summarised:
+    """Poses that the graph no longer has, because others say what they said; closures still lead to them.
+
+    Attributes:
+        names: ``(S,)`` keys that they had, as text.
+        times: ``(S,)`` seconds.
+        poses: ``(S, 3)`` where they lie by the poses that stayed: x, y, heading.
+    """
+
+    names: Sequence[str] = ()
+    times: Array = field(default_factory=lambda: np.zeros(0))
+    poses: Array = field(default_factory=lambda: np.zeros((0, 3)))
+
+
+@dataclass(frozen=True, eq=False)
 class Scene:
     """What the map of a report shows.
 
@@ -167,9 +182,10 @@ class Scene:
         edges: see `Edges`.
         landmarks: see `Landmarks`.
         paths: dense trajectories and odometry; empty where the poses are all there is.
-        closures: candidates with their evidence, by rows of the poses.
+        closures: candidates with their evidence, by rows of the poses; row `N` and up are of `summarised`.
         scans: returns ``(n, 2)`` of each pose in the robot's frame, or empty.
         grid: the map, or None.
+        summarised: see `Summarised`.
     """
 
     positions: Array
@@ -186,6 +202,7 @@ class Scene:
     closures: Sequence[Closure] = ()
     scans: Sequence[Array] = ()
     grid: OccupancyGrid | None = None
+    summarised: Summarised = field(default_factory=Summarised)
 
     @property
     def dim(self) -> int:

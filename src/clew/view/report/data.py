@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from clew.view.report.content import Landmarks, Path, Scene
+from clew.view.report.content import Landmarks, Path, Scene, Summarised
 from clew.view.report.encode import pack, pack_grid, pack_scans
 
 if TYPE_CHECKING:
@@ -45,6 +45,7 @@ def scene_data(scene: Scene) -> dict[str, object]:
             "weight": pack(scene.edges.weight, "f4"),
         },
         "landmarks": _landmarks(scene.landmarks, centre),
+        "summarised": _summarised(scene.summarised, centre, begin),
         "paths": [_path(path, centre, begin) for path in scene.paths],
         "closures": [_closure(closure) for closure in scene.closures],
         "scans": pack_scans(scene.scans) if len(scene.scans) else None,
@@ -77,6 +78,16 @@ def _landmarks(landmarks: Landmarks, centre: Array) -> dict[str, object]:
         "covariance": None if covariances is None else pack(covariances[:, [0, 0, 1], [0, 1, 1]], "f4"),
         "name": list(landmarks.names),
         "sightings": pack(landmarks.sightings, "i4"),
+    }
+
+
+def _summarised(summarised: Summarised, centre: Array, begin: float) -> dict[str, object]:
+    poses = summarised.poses
+    return {
+        "position": pack(poses[:, : len(centre)] - centre if len(poses) else [], "f4"),
+        "heading": pack(poses[:, 2], "f4"),
+        "time": pack(summarised.times - begin, "f4"),
+        "name": _names(summarised.names),
     }
 
 

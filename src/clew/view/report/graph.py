@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -42,6 +42,7 @@ class GraphView:
 def view_graph(
     solution: Solution, *, times: Array | None = None, robot: Index | None = None, robots: tuple[str, ...] = ("",),
     robust: Kernel | None = None, landmark_names: dict[int, str] | None = None, covariances: Array | None = None,
+    unit_variance: float = 1.0,
 ) -> GraphView:  # fmt: skip
     """Scene and health of a solved graph.
 
@@ -53,6 +54,8 @@ def view_graph(
         robust: kernel that the solve was given.
         landmark_names: by key; the key itself unless given.
         covariances: ``(N, 3, 3)`` tangent covariances of the poses to show in place of the solution's.
+        unit_variance: variance of the measurements as a multiple of what the graph states, where it has been found;
+            the solution's covariances are multiplied by it.
     """
     graph = solution.graph
     kinds = [kind for kind in solution.kinds if kind in (SE2, SE3)]
@@ -65,6 +68,10 @@ def view_graph(
     poses = solution.values(kind).array[order]
     spread = _covariances(solution, kind, order, poses, covariances)
     landmarks, landmark_keys = _landmarks(solution, points[0] if points else None, graph, landmark_names or {}, kind)
+    if spread is not None and covariances is None:
+        spread = unit_variance * spread
+    if landmarks.covariances is not None:
+        landmarks = replace(landmarks, covariances=unit_variance * landmarks.covariances)
     residuals = factor_residuals(graph, robust)
     edges, edge_rows = _edges(residuals, keys, landmark_keys)
     robot = np.zeros(len(keys), np.int64) if robot is None else robot
@@ -80,7 +87,7 @@ def view_graph(
     place_of_row[edge_rows] = np.arange(len(edge_rows))
     notes = [
         *open_directions(solution), *misfits(residuals, place_of_row, scene), *threads(scene),
-        *noise_note(residuals, scene),
+        *noise_note(residuals, scene, unit_variance),
     ]
     cuts = [path_cuts(graph, keys[robot == r]) for r in range(len(robots))]
     section = Section(

@@ -128,7 +128,10 @@ def freedom(residuals: FactorResiduals, scene: Scene) -> int:
     return int(residuals.dim.sum()) - each * (len(scene.names) - 1) - scene.dim * len(scene.landmarks.names)
 
 
-def noise_note(residuals: FactorResiduals, scene: Scene) -> list[Note]:
+def noise_note(residuals: FactorResiduals, scene: Scene, unit_variance: float = 1.0) -> list[Note]:
+    if unit_variance != 1.0:
+        return [Note(f"The measurements were found to have {100 * np.sqrt(unit_variance):.0f} % of the noise that the "
+                     "log states; what is said here of uncertainty counts with what was found.", "know")]
     redundant = freedom(residuals, scene)
     if redundant < 50:
         return []

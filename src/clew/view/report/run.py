@@ -13,12 +13,12 @@ from clew.io import LogHealth, StreamHealth
 from clew.mapping import OccupancyGrid
 from clew.place import Closure, Verdict
 from clew.slam import Slam, Trajectory
-from clew.view.report.content import Chart, Focus, Note, Path, Report, Scene, Section, Table
+from clew.view.report.content import Chart, Focus, Note, Path, Report, Scene, Section, Summarised, Table
 from clew.view.report.graph import GraphView, view_graph
-from clew.view.report.graph_notes import moment
 from clew.view.report.words import capital, counted, degrees, duration, listed, metres
 
 Array = NDArray[np.float64]
+Index = NDArray[np.int64]
 
 _SLIPS = 10  # rows of the table
 _GAPS = 3  # rows of the table for each kind of event
@@ -27,7 +27,8 @@ _CHART = 4000  # points of a curve
 
 def report_of_run(
     slam: Slam, grid: OccupancyGrid, title: str, *, health: LogHealth | None = None,
-    skipped: Mapping[str, int] | None = None, complete: bool = True, truth: Trajectory | None = None,
+    skipped: Mapping[str, int] | None = None, complete: bool = True, refined: bool = True,
+    truth: Trajectory | None = None,
 ) -> Report:  # fmt: skip
     """What a run found, how sure it is, and what to check.
 
@@ -38,6 +39,7 @@ def report_of_run(
         health: state of the log, or None.
         skipped: scans and readings left out, by reason.
         complete: whether the log was read to its end.
+        refined: whether a refinement that was begun came to its end.
         truth: true poses at the times of the trajectory, in its frame, where they are known.
     """
     keyframes, trajectory, odometry = slam.keyframes, slam.trajectory, slam.odometry
@@ -47,14 +49,15 @@ def report_of_run(
         paths.append(Path("odometry alone", "odometry", 0, odometry.timestamps, odometry.T_world_robot))
     if truth is not None:
         paths.append(Path("truth", "truth", 0, truth.timestamps, truth.T_world_robot))
-    closures = _between_rows([*slam.closures, *slam.rejected_closures], slam.keyframe_numbers)
-    scene = replace(graph.scene, paths=paths, closures=closures, scans=slam.keyframe_points, grid=grid)
+    closures = _between_rows([*slam.closures, *slam.rejected_closures], slam.keyframe_numbers, len(slam.every_keyframe))
+    scene = replace(graph.scene, paths=paths, closures=closures, scans=slam.keyframe_points, grid=grid,
+                    summarised=_summarised(slam))
     slip = None
     if len(odometry):
         slip = odometry_slip(odometry.timestamps, odometry.T_world_robot, trajectory.T_world_robot)
     skipped = dict(skipped or {})
-    notes = [*_unfinished(complete), *_closure_notes(closures, scene), *graph.notes, *_slip_notes(slip, scene),
-             *_pruned(slam, closures), *_log_notes(health), *_left_out(skipped)]
+    notes = [*_unfinished(complete, refined), *_closure_notes(closures, scene), *graph.notes, *_slip_notes(slip, scene),
+             *_pruned(slam), *_log_notes(health), *_left_out(skipped)]
     rank = {"check": 0, "know": 1, "good": 2}
     notes.sort(key=lambda note: rank[note.level])
     return Report(title, "run", _lead(slam, grid, graph, truth), notes, scene,
@@ -62,12 +65,28 @@ def report_of_run(
                       _verdicts(closures), *graph.section.tables])])
 
 
-def _between_rows(closures: list[Closure], numbers: NDArray[np.int64]) -> list[Closure]:
-    """Closures between keyframes that there still are, by their rows, in order."""
-    row = {int(number): k for k, number in enumerate(numbers)}
-    shown = [replace(c, source=row[c.source], target=row[c.target])
-             for c in closures if c.source in row and c.target in row]
-    return sorted(shown, key=lambda c: (c.source, c.target, c.verdict.name))
+def _between_rows(closures: list[Closure], numbers: Index, count: int) -> list[Closure]:
+    """Closures by rows of the scene, in the order in which keyframes were taken: those that stayed, then the others."""
+    row = np.empty(count, np.int64)
+    row[np.concatenate([numbers, _gone(numbers, count)])] = np.arange(count)
+    return [replace(c, source=int(row[c.source]), target=int(row[c.target]))
+            for c in sorted(closures, key=lambda c: (c.source, c.target, c.verdict.name))]
+
+
+def _gone(numbers: Index, count: int) -> Index:
+    """Numbers of the keyframes that were summarised."""
+    return np.setdiff1d(np.arange(count), numbers)
+
+
+def _summarised(slam: Slam) -> Summarised:
+    every = slam.every_keyframe
+    gone = _gone(slam.keyframe_numbers, len(every))
+    return Summarised([str(number) for number in gone], every.timestamps[gone], every.T_world_robot[gone])
+
+
+def _when(scene: Scene, row: int) -> str:
+    times = np.concatenate([scene.times, scene.summarised.times])
+    return f"t = {times[row] - scene.times.min():.1f} s"
 
 
 def _lead(slam: Slam, grid: OccupancyGrid, graph: GraphView, truth: Trajectory | None) -> list[str]:
@@ -99,8 +118,10 @@ def _lead(slam: Slam, grid: OccupancyGrid, graph: GraphView, truth: Trajectory |
     return lines
 
 
-def _unfinished(complete: bool) -> list[Note]:
-    return [] if complete else [Note("The run was interrupted: this is what was mapped so far, not refined.")]
+def _unfinished(complete: bool, refined: bool) -> list[Note]:
+    if not complete:
+        return [Note("The run was interrupted: this is what was mapped so far, not refined.")]
+    return [] if refined else [Note("The refinement was interrupted: another run may be a little sharper.")]
 
 
 def _log_notes(health: LogHealth | None) -> list[Note]:
@@ -129,16 +150,16 @@ def _closure_notes(closures: list[Closure], scene: Scene) -> list[Note]:
     if far is not None and closures[far].innovation[0] > 1.0:
         c = closures[far]
         notes.append(Note(f"The closure that moved the map most shifted the robot by {metres(c.innovation[0])} and "
-                          f"{degrees(c.innovation[1])}, at {moment(scene, c.source)}: if the map looks doubled or "
+                          f"{degrees(c.innovation[1])}, at {_when(scene, c.source)}: if the map looks doubled or "
                           "bent, look at it first.", "know", Focus("closure", far)))
     return notes
 
 
-def _pruned(slam: Slam, closures: list[Closure]) -> list[Note]:
-    hidden = len(slam.closures) + len(slam.rejected_closures) - len(closures)
-    return [] if not hidden else [Note(
-        f"{counted(hidden, 'closure')}, believed or not, of keyframes that were summarised since have no place on the "
-        "map any more; closures.csv has all of them.", "know")]
+def _pruned(slam: Slam) -> list[Note]:
+    pruned = slam.pruned.keyframes
+    return [] if not pruned else [Note(
+        f"{counted(pruned, 'keyframe')} {'was' if pruned == 1 else 'were'} summarised where enough others had seen the "
+        "same: their closures are on the map, their scans are not kept.", "know")]
 
 
 def _slip_notes(slip: OdometrySlip | None, scene: Scene) -> list[Note]:

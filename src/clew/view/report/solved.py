@@ -116,7 +116,7 @@ def report_of_landmarks(found: LandmarkMap, solution: Solution, title: str, skip
 def report_of_features(found: FeatureMap, title: str, skipped: dict[str, int]) -> Report:
     """What a robot mapped that saw features, their identities given or found."""
     times = found.keys.astype(np.float64)
-    graph = view_graph(found.solution, times=times)
+    graph = view_graph(found.solution, times=times, unit_variance=found.unit_variance)
     odometry = _onto(found.T_odom_robot, found.T_world_robot[0])
     scene = replace(graph.scene, paths=[Path("odometry", "odometry", 0, times, odometry)])
     way = float(np.hypot(*np.diff(found.T_world_robot[:, :2], axis=0).T).sum())

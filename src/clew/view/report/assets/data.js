@@ -34,24 +34,29 @@ function after(sorted, x) {
   return low;
 }
 
-/** Everything that the map draws; poses come first among the vertices, then landmarks. */
+/** Everything that the map draws; among the vertices poses come first, then landmarks, then poses that were summarised. */
 function readScene(raw) {
-  const dim = raw.dim, poses = raw.poses, marks = raw.landmarks;
+  const dim = raw.dim, poses = raw.poses, marks = raw.landmarks, gone = raw.summarised;
   const pose = columns(unpack(poses.position), dim), mark = columns(unpack(marks.position), dim);
   const count = pose[0].length, marksCount = mark[0].length;
-  const vertex = pose.map((axis, c) => {
-    const all = new Float32Array(count + marksCount);
-    all.set(axis);
-    all.set(mark[c], count);
+  const lost = columns(unpack(gone.position), dim), first = count + marksCount;
+  const joined = (own, others, between) => {
+    const all = new Float32Array(first + lost[0].length);
+    all.set(own);
+    if (between) all.set(between, count);
+    all.set(others, first);
     return all;
-  });
-  const time = unpack(poses.time);
+  };
+  const vertex = pose.map((axis, c) => joined(axis, lost[c], mark[c]));
+  const namesOf = (names) => (Array.isArray(names) ? names : Array.from(unpack(names), String));
+  const vertexOf = (row) => (row < count ? row : row + marksCount);
+  const time = joined(unpack(poses.time), unpack(gone.time));
   const robot = unpack(poses.robot);
   const scene = {
     dim, timed: raw.timed, begin: raw.begin, centre: raw.centre, robots: raw.robots,
     count, marks: marksCount, vertex, time, robot,
-    heading: unpack(poses.heading),
-    name: Array.isArray(poses.name) ? poses.name : Array.from(unpack(poses.name), String),
+    heading: joined(unpack(poses.heading), unpack(gone.heading)),
+    name: namesOf(poses.name).concat(Array(marksCount).fill(''), namesOf(gone.name)),
     covariance: poses.covariance && unpack(poses.covariance),
     mark: {
       name: marks.name, sightings: unpack(marks.sightings), covariance: marks.covariance && unpack(marks.covariance),
@@ -60,7 +65,7 @@ function readScene(raw) {
       const [x, y, heading] = columns(unpack(path.pose), 3);
       return { name: path.name, kind: path.kind, robot: path.robot, time: unpack(path.time), x, y, heading };
     }),
-    closures: raw.closures,
+    closures: raw.closures.map((closure) => ({ ...closure, source: vertexOf(closure.source), target: vertexOf(closure.target) })),
     edges: readEdges(raw.edges, time, count),
     scans: readScans(raw.scans),
     grid: raw.grid,
@@ -89,8 +94,11 @@ function readScans(raw) {
   const first = unpack(raw.first);
   let points = null;
   return {
+    /** Whether there is a scan: that of a pose which was summarised is gone. */
+    has: (row) => row + 1 < first.length,
     /** Points of a pose in the robot's frame: x, y, x, y, ... metres. */
     of(row) {
+      if (!this.has(row)) return new Float32Array(0);
       points = points || unpack(raw.points);
       const out = new Float32Array(2 * (first[row + 1] - first[row]));
       for (let i = 0, k = 2 * first[row]; i < out.length; i++, k++) out[i] = points[k] * raw.step;

@@ -111,7 +111,7 @@ class Inspector {
     const input = make('input', { type: 'search', placeholder: 'pose number', 'aria-label': 'Number of a pose', inputmode: 'numeric' });
     const form = make('form', { onsubmit: (event) => {
       event.preventDefault();
-      const row = scene.name.indexOf(input.value.trim());
+      const row = scene.name.slice(0, scene.count).indexOf(input.value.trim());
       if (row >= 0) this.select({ kind: 'pose', row, last: -1 }, true);
       else input.setCustomValidity('There is no pose of that number.'), input.reportValidity();
     }, oninput: () => input.setCustomValidity('') }, input, make('button', { type: 'submit', class: 'show' }, 'Go'));
@@ -229,7 +229,8 @@ class Inspector {
     const place = group.indexOf(row);
     const kinds = [['before', closure.predicted, 'Before: where the graph expected it'],
       ['after', believed ? now : matched && closure.measured, believed ? 'After: in the map' : 'As matched, had it been believed']];
-    const views = scene.scans && make('div', { class: 'pair' }, ...kinds.map(([id, T, caption]) => make('figure', {},
+    const kept = [source, target].filter((i) => scene.scans?.has(i));
+    const views = kept.length > 0 && make('div', { class: 'pair' }, ...kinds.map(([id, T, caption]) => make('figure', {},
       make('canvas', { 'data-overlay': id, role: 'img', 'aria-label': `Both scans. ${caption}` }),
       make('figcaption', {}, T ? caption : id === 'before' ? 'Nothing was expected' : 'No single pose was found'))));
     if (views) {
@@ -238,6 +239,8 @@ class Inspector {
       const box = boxOf(both(kinds[1][1] || kinds[0][1])); // the same for both, so that they can be compared
       this.redraw = () => kinds.forEach(([id, T]) => drawScans(views.querySelector(`[data-overlay=${id}]`), both(T), box));
     }
+    const gone = scene.scans ? [source, target].filter((i) => !kept.includes(i)).map((i) => scene.name[i]) : [];
+    const end = (i) => (i < scene.count ? this.link({ kind: 'pose', row: i, last: -1 }) : `${scene.name[i]}, summarised`);
     const swatch = (colour) => make('span', { class: 'swatch', style: `background:${colour}` });
     const step = (by) => this.select({ kind: 'closure', row: group[(place + by + group.length) % group.length], last: -1 }, true);
     return [
@@ -246,6 +249,8 @@ class Inspector {
       views,
       make('p', { class: 'sub' }, swatch(colours.other), `scan at ${when(scene, scene.time[source])}  `, swatch(colours.scan),
         `the older one, at ${when(scene, scene.time[target])}`),
+      gone.length ? make('p', { class: 'sub' }, `Not kept: the scan${gone.length > 1 ? 's' : ''} of ${gone.join(' and ')}. Enough other keyframes have seen the same, so that `
+        + `${gone.length > 1 ? 'they were' : 'it was'} summarised; the evidence is from the moment of the match.`) : null,
       make('h3', {}, 'The evidence'),
       facts([
         ['places look alike', percent(closure.similarity)],
@@ -255,7 +260,7 @@ class Inspector {
           ['returns in free space', percent(closure.contradiction)],
           ['moved from what was expected', `${metres(closure.innovation[0])}, ${degrees(closure.innovation[1])}`]] : []),
         ...(believed && apart ? [['match and map differ by', `${metres(Math.hypot(apart[0], apart[1]))}, ${degrees(apart[2])}`]] : []),
-        ['from', this.link({ kind: 'pose', row: source, last: -1 })], ['to', this.link({ kind: 'pose', row: target, last: -1 })],
+        ['from', end(source)], ['to', end(target)],
       ]),
       make('p', { class: 'sub' }, `${place + 1} of ${group.length} ${believed ? 'believed' : 'turned down'}`),
       this.nav(make('button', { type: 'button', onclick: () => step(-1) }, 'Previous'),

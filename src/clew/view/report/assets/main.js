@@ -96,7 +96,7 @@ function bringIntoView(next) {
     [camera.x, camera.y] = [(box[0] + box[1]) / 2, (box[2] + box[3]) / 2];
     camera.scale = Math.max(camera.scale, camera.least * 3);
   }
-  const born = Math.max(...rows.map((i) => (i < scene.count ? scene.time[i] : 0)));
+  const born = Math.max(...rows.map((i) => scene.time[i]));
   if (born > timeline.moment) timeline.set(born);
   const place = byId('workbench').getBoundingClientRect();
   if (place.top < 0 || place.bottom > window.innerHeight) {

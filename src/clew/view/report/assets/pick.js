@@ -14,7 +14,7 @@ function pick(scene, layers, camera, sx, sy, until, reach = 11) {
     if (distance < least) [best, least] = [{ kind, row, last: -1 }, distance];
   };
   if (scene.marks && layers.shows('landmarks')) {
-    for (let i = scene.count; i < u.length; i++) {
+    for (let i = scene.count; i < scene.count + scene.marks; i++) {
       offer('landmark', i - scene.count, Math.hypot(camera.toScreenX(u[i]) - sx, camera.toScreenY(v[i]) - sy) - 2);
     }
   }
