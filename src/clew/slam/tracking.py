@@ -23,6 +23,7 @@ from clew.scan import (
     fill_surfaces,
     index_cloud,
     merge_surfels,
+    with_new_partners,
     without_normal_noise,
 )
 from clew.slam.config import SlamConfig
@@ -264,8 +265,9 @@ class Tracker:
         """Pose by returns and prediction, pose by the returns alone, and their information; None without overlap."""
         assert self._map is not None
         worth = self._sensor.return_information(self._config.tracking.information_scale)
+        source = SourceClouds.single(points)
         fine = align(
-            self._map.index, SourceClouds.single(points), np.zeros((1, 2), dtype=np.int32), start[None],
+            self._map.index, source, np.zeros((1, 2), dtype=np.int32), start[None],
             T_prior=predicted[None], prior_information=prior_information[None] / worth,
             options=self._sensor.alignment,
         )  # fmt: skip
@@ -273,7 +275,8 @@ class Tracker:
         if fine.overlap[0] < self._config.tracking.overlap:
             return None
         self._sensor.matched(float(fine.rms[0]))
-        information = without_normal_noise(worth * fine.information[0], self._sensor.normal_variance)
+        held = with_new_partners(self._map.index, source, pose, fine.information[0], self._sensor.alignment)
+        information = without_normal_noise(worth * held, self._sensor.normal_variance)
         return pose, se2.compose(pose, fine.step[0]), information
 
     @staticmethod
