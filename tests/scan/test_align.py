@@ -7,7 +7,18 @@ import pytest
 from numpy.typing import NDArray
 
 from clew.geometry import se2
-from clew.scan import Alignment, AlignmentOptions, ScanPoints, SourceClouds, align, index_cloud, join
+from clew.scan import (
+    Alignment,
+    AlignmentOptions,
+    ScanPoints,
+    SourceClouds,
+    align,
+    concatenate,
+    index_cloud,
+    join,
+    merge_surfels,
+    with_new_partners,
+)
 from clew.sim.world import pillar
 from scan import twins
 from scan.clouds import CORRIDOR, EMPTY, ROOM, cloud_of, random_cloud
@@ -169,3 +180,38 @@ def test_a_scan_full_of_people_weighs_less(people: int) -> None:
     off = se2.between(truth, crowded.T_target_source[0])
     assert np.hypot(off[0], off[1]) < 0.01
     assert abs(off[2]) < 0.004
+
+
+def information_along(walls: Array, smear: float) -> tuple[float, float]:
+    """What an alignment with a map smeared along the corridor seems to tell of the way along it, and what is left."""
+    shifts = np.linspace(-smear, smear, 9)
+    clouds = [cloud_of(walls, np.zeros(3), sigma=0.01, seed=k).transformed(np.array([shift, 0.0, 0.0]))
+              for k, shift in enumerate(shifts)]
+    target = index_cloud(merge_surfels(concatenate(clouds), 0.05))
+    source, options = SourceClouds.single(cloud_of(walls, np.zeros(3), sigma=0.01, seed=99)), AlignmentOptions()
+    found = align(target, source, ONE, np.zeros((1, 3)), options=options)
+    left = with_new_partners(target, source, found.T_target_source[0], found.information[0], options)
+    assert np.linalg.eigvalsh(left).min() > 0
+    assert np.all(np.diag(left) <= np.diag(found.information[0]) * (1 + 1e-9))
+    np.testing.assert_allclose(left[1, 1], found.information[0, 1, 1], rtol=1e-2)
+    return float(found.information[0, 0, 0]), float(left[0, 0])
+
+
+def test_edges_smeared_along_a_corridor_tell_little_of_the_way_along_it() -> None:
+    edges = np.array([[[2.0, -1.2], [2.0, -1.0]], [[2.0, -1.0], [2.4, -1.0]], [[2.4, -1.0], [2.4, -1.2]],
+                      [[-3.0, 1.2], [-3.0, 1.05]], [[-3.0, 1.05], [-2.5, 1.05]], [[-2.5, 1.05], [-2.5, 1.2]]])
+    seemed, left = information_along(np.concatenate([CORRIDOR, edges]), 0.15)
+    assert left < 0.2 * seemed
+
+
+def test_a_wall_across_a_corridor_is_still_told_by() -> None:
+    seemed, left = information_along(np.concatenate([CORRIDOR, [[[4.0, -1.2], [4.0, 1.2]]]]), 0.0)
+    assert left > 0.1 * seemed
+    assert 1.0 / np.sqrt(left) < 0.01
+
+
+def test_information_in_a_room_stays_as_it_is() -> None:
+    target, source = index_cloud(cloud_of(ROOM, np.zeros(3))), SourceClouds.single(cloud_of(ROOM, np.zeros(3)))
+    found = align(target, source, ONE, np.zeros((1, 3)))
+    left = with_new_partners(target, source, np.zeros(3), found.information[0], AlignmentOptions())
+    np.testing.assert_array_equal(left, found.information[0])

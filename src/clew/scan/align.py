@@ -2,18 +2,23 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from clew import _native
+from clew.geometry import se2
 from clew.scan.index import IndexedClouds, SourceClouds
 
 Array = NDArray[np.float64]
 
 LEAST_SHARE = 1e-6  # of the information that is left in any direction
 TINY = 1e-300
+PROBE = 0.08  # metres; beyond the side of a surfel, so that partners change
+LONG = 0.3  # share of the strongest direction's information from which on the weakest one is believed as it is
+LEAST_CURVATURE = 0.01  # share of the information that is left at least
+PINNED = 1e12  # information of a prior that holds a pose where it is
 
 
 @dataclass(frozen=True)
@@ -114,4 +119,38 @@ def without_normal_noise(information: Array, variance: float) -> Array:
     scale = np.zeros_like(information)
     scale[..., :2, :2] = (vectors * np.sqrt(share)[..., None, :]) @ np.swapaxes(vectors, -1, -2)
     scale[..., 2, 2] = 1.0
+    return np.asarray(scale @ information @ scale)
+
+
+def with_new_partners(
+    target: IndexedClouds, source: SourceClouds, T_target_source: Array, information: Array, options: AlignmentOptions
+) -> Array:
+    """Information ``(3, 3)`` of one alignment without what holds only while its partners stay the same.
+
+    Along a corridor with a few shallow edges, each smeared over some centimetres in the map, returns that slide find
+    others to lie on: the error hardly grows, though each pair of partners seems to hold the pose. Instead of the
+    curvature at fixed partners the weakest direction gets that of the error with partners sought anew, by the gradients
+    on both sides of the pose, where it is less.
+
+    Args:
+        target, source: one cloud each.
+        T_target_source: ``(3,)`` where the alignment ended.
+        information: ``(3, 3)`` that it had there.
+        options: of the alignment.
+    """
+    values, vectors = np.linalg.eigh(information[:2, :2])
+    if values[0] > LONG * values[1]:
+        return information
+    weakest = np.append(vectors[:, 0], 0.0)
+    ends = se2.compose(T_target_source, PROBE * np.stack([weakest, -weakest]))
+    at_ends = align(
+        target, source, np.zeros((2, 2), dtype=np.int32), ends,
+        prior_information=np.tile(PINNED * np.eye(3), (2, 1, 1)),
+        options=replace(options, radius_start=options.radius_end, iterations=1),
+    )  # fmt: skip
+    gradients = -np.einsum("nij,nj->ni", at_ends.information, at_ends.step)
+    curvature = float((gradients[0] - gradients[1]) @ weakest) / (2.0 * PROBE)
+    share = np.clip(curvature / max(float(values[0]), TINY), LEAST_CURVATURE, 1.0)
+    scale = np.eye(3)
+    scale[:2, :2] = (vectors * np.sqrt([share, 1.0])) @ vectors.T
     return np.asarray(scale @ information @ scale)
