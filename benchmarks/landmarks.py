@@ -1,6 +1,6 @@
-"""Landmark SLAM on real data: UTIAS MRCLAM 6, Victoria Park, and a simulated world. Prints Markdown.
+"""Landmark SLAM on real data (UTIAS MRCLAM 6, Victoria Park, DLR) and in simulated worlds. Prints Markdown.
 
-Run: ``python benchmarks/landmarks.py [--data FOLDER]``; the data are those of ``shared/data/landmarks``.
+Run: ``python benchmarks/landmarks.py [--data FOLDER] [--only PART]``; the data are those of ``shared/data/landmarks``.
 """
 
 from __future__ import annotations
@@ -17,7 +17,19 @@ from scipy.spatial import cKDTree
 from clew.evaluate import absolute_trajectory_error, align
 from clew.geometry import SE2, Point2, se2
 from clew.graph import FactorGraph, Role
-from clew.io import Features, SightingLog, mrclam_robots, read_feature_log, read_graph, read_mrclam, read_survey
+from clew.io import (
+    UNNAMED,
+    FeatureLog,
+    Features,
+    SightingLog,
+    mrclam_robots,
+    read_feature_log,
+    read_graph,
+    read_mrclam,
+    read_survey,
+)
+from clew.io.log import ReadReport
+from clew.sim import FleetModel, SightingModel, landmark_field, simulate_fleet
 from clew.slam.landmarks import LandmarkMap, RobotEstimate, map_features, map_landmarks
 from clew.solve import Solution, optimize
 
@@ -182,15 +194,77 @@ def association(folder: Path) -> None:
         )
 
 
+def circles(folder: Path) -> None:
+    """The DLR circles without their identities, judged by those that have one."""
+    log = read_feature_log(folder / "dlr.circles")
+    assert log.identity is not None
+    named = log.identity != UNNAMED
+    begun = time.process_time()
+    found = map_features(log, identities=False)
+    spent = time.process_time() - begun
+    own = found.landmark[named]
+    print("\n| data | right of those with identity | landmarks | of those with identity | given | CPU ms a sighting |")
+    print("| --- | --- | --- | --- | --- | --- |")
+    print(
+        f"| dlr.circles | {100 * share_right(own, log.identity[named]):.2f} % | {len(found.identity)} | "
+        f"{len(np.unique(own[own >= 0]))} | {len(np.unique(log.identity[named]))} | {1e3 * spent / len(named):.2f} |",
+        flush=True,
+    )
+
+
+#: Worlds: landmarks on 40 x 30 m, their least distance (m), and what the sensor makes of them.
+WORLDS = {
+    "sparse": (20, 1.0, SightingModel()),
+    "medium": (60, 1.0, SightingModel()),
+    "dense": (150, 1.0, SightingModel()),
+    "clutter": (60, 1.0, SightingModel(false=0.5)),
+    "many missed": (60, 1.0, SightingModel(missed=0.5)),
+    "crowded pairs": (150, 0.5, SightingModel(sigma_range=0.1, sigma_bearing=np.radians(2.0))),
+}
+
+
+def simulated(seeds: int) -> None:
+    """Association in worlds whose truth is known; a false sighting should share a landmark with none that is true."""
+    print("\n| world | seeds | right mean | right worst | false taken for a landmark | landmarks found / seen | "
+          "CPU ms a sighting |\n" + "| --- " * 7 + "|")  # fmt: skip
+    for name, (count, spacing, model) in WORLDS.items():
+        right, mistaken, number, begun, sightings = [], [], [], time.process_time(), 0
+        for seed in range(seeds):
+            world = landmark_field(count, (40.0, 30.0), seed=seed, spacing=spacing, identified=0.0)
+            (run,) = simulate_fleet(world, 1, seed=seed, model=FleetModel(sightings=model, duration=400.0))
+            seen = run.sightings
+            c, s = np.cos(seen.bearings), np.sin(seen.bearings)
+            jacobian = np.array([[c, -seen.ranges * s], [s, seen.ranges * c]]).transpose(2, 0, 1)
+            information = np.linalg.inv(jacobian @ model.covariance @ np.swapaxes(jacobian, 1, 2))
+            points = np.stack([seen.ranges * c, seen.ranges * s], axis=1)
+            log = FeatureLog(Path(name), np.arange(len(run.T_world_robot)), run.increments,
+                             np.linalg.inv(run.covariances), Features(seen.poses, points, information), None,
+                             ReadReport())  # fmt: skip
+            found = map_features(log).landmark
+            true = seen.landmarks >= 0
+            right.append(share_right(found[true], seen.landmarks[true]))
+            mistaken.append(np.mean(np.isin(found[~true], found[true & (found >= 0)])) if (~true).any() else 0.0)
+            number.append(len(np.unique(found[true & (found >= 0)])) / len(np.unique(seen.landmarks[true])))
+            sightings += len(seen)
+        spent = 1e3 * (time.process_time() - begun) / sightings
+        print(f"| {name} | {seeds} | {100 * np.mean(right):.2f} % | {100 * np.min(right):.2f} % | "
+              f"{100 * np.mean(mistaken):.1f} % | {np.mean(number):.3f} | {spent:.2f} |", flush=True)
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--data", type=Path, default=DATA)
-    parser.add_argument("--only", choices=("mrclam", "association"))
+    parser.add_argument("--only", choices=("mrclam", "association", "circles", "simulated"))
+    parser.add_argument("--seeds", type=int, default=10, help="of each simulated world")
     options = parser.parse_args()
-    if options.only != "association":
+    if options.only in (None, "mrclam"):
         mrclam(options.data / "MRCLAM_Dataset6")
-    if options.only != "mrclam":
+    if options.only in (None, "association"):
         association(options.data)
+    if options.only in (None, "circles"):
+        circles(options.data)
+    if options.only in (None, "simulated"):
+        simulated(options.seeds)
 
 
 if __name__ == "__main__":

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -27,6 +28,7 @@ from clew.graph import FactorGraph
 from clew.io import read_graph
 from clew.sim import RobotRun
 from clew.solve import optimize
+from clew.view import report_of_merge
 from fleet.fleets import fleet, strangers, trajectory_fit
 from fleet.test_relative_pose import still_robot
 
@@ -55,6 +57,24 @@ def test_three_robots_come_together(identified: float, reach: float, headings: b
     rows = sum(len(block) * block.residual_dim for block in blocks)
     free = rows - sum(len(merged.solution.keys(kind)) * kind.dim for kind in merged.solution.kinds) + 3
     assert merged.solution.chi2 == pytest.approx(free, abs=5 * np.sqrt(2 * free))
+
+
+@pytest.mark.parametrize("landmarks_first", [False, True])
+def test_the_report_tells_robots_from_landmarks(landmarks_first: bool) -> None:
+    _, graphs = fleet(4, 2, identified=1.0)
+    merged = merge(graphs)
+    if landmarks_first:  # the order of kinds is that in which a graph got them
+        graph, whole = FactorGraph(), merged.solution.graph
+        graph.add_point(merged.solution.values(Point2).array, key=merged.solution.keys(Point2))
+        graph.add_pose(merged.solution.values(SE2), key=merged.solution.keys(SE2))
+        for block in whole.blocks():
+            graph.add(block)
+        graph.set_constant(int(merged.keys[0][1][0]))
+        merged = replace(merged, solution=optimize(graph, init="file"))
+        assert merged.solution.kinds[0] is Point2
+    report = report_of_merge(merged)
+    assert "2 robots in one frame" in report.lead[0]
+    assert f"{len(merged.solution.keys(SE2))} poses" in report.lead[0]
 
 
 def test_every_measurement_and_landmark_is_there_once() -> None:

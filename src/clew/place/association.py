@@ -16,6 +16,8 @@ from scipy.special import chdtri
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
+_MOST_TRIED = 2000  # pairings tried for the sightings of a moment; then the best found so far counts
+
 NEW = -1  # no landmark that is known
 UNCLEAR = -2  # neither one that is known for sure, nor for sure a new one
 
@@ -159,6 +161,7 @@ class _Search:
         self.limits = [0.0, *(chi_square_limit(gates.known, 2 * k) for k in range(1, len(z) + 1))]
         self.best: list[int] = []
         self.best_rank = (-1, 0.0)
+        self.tried = 0
 
     def descend(self, chosen: list[int], pairs: int, distance: float = 0.0) -> None:
         level = len(chosen)
@@ -169,6 +172,9 @@ class _Search:
         for landmark in self.candidates[level]:
             if landmark in chosen:
                 continue
+            if self.tried >= _MOST_TRIED and self.best:
+                return
+            self.tried += 1
             total = self._distance([*chosen, landmark])
             if total <= self.limits[pairs + 1] and self._may_win(level + 1, pairs + 1):
                 self.descend([*chosen, landmark], pairs + 1, total)
