@@ -148,12 +148,15 @@ def sweeps(worlds: list[str], seeds: list[int], duration: float) -> None:
     rows = []
     for kind in worlds:
         for seed in seeds:
-            for told, sweep in (("none", 0.0), ("not told", 0.1), ("told", 0.1)):
+            for told, sweep, odometry in (("none", 0.0, True), ("not told", 0.1, True), ("told", 0.1, True),
+                                          ("none", 0.0, False), ("not told", 0.1, False), ("told", 0.1, False)):
                 laser = replace(SPINNING.laser, sweep=sweep)
                 log = record(WORLDS[kind](seed), Sensor(laser, SPINNING.rate), OdometryModel.medium(), seed, duration)
-                run = estimate(log, untold(log.measurements()) if told == "not told" else log.measurements())
-                rows.append([f"{kind} {seed}", told, f"{run.ate:.4f}", f"{run.largest:.3f}", f"{run.degrees:.3f}"])
-    print_table(["world", "sweep of 0.1 s", "ATE m", "max m", "deg"], rows)
+                stream = untold(log.measurements()) if told == "not told" else log.measurements()
+                run = estimate(log, stream, odometry)
+                rows.append([f"{kind} {seed}", "yes" if odometry else "no", told, f"{run.ate:.4f}",
+                             f"{run.largest:.3f}", f"{run.degrees:.3f}"])
+    print_table(["world", "odometry", "sweep of 0.1 s", "ATE m", "max m", "deg"], rows)
 
 
 def untold(stream: Stream) -> Iterator[LaserScan | Odometry]:

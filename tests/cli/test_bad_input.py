@@ -96,6 +96,16 @@ def test_what_is_no_log_is_refused(make: Callable[[Path], Path], tmp_path: Path,
     assert not list((tmp_path / "out").glob("*"))
 
 
+@pytest.mark.skipif(not Path("/dev/zero").is_char_device(), reason="needs a device that never ends")
+@pytest.mark.parametrize("command", [("run", "-o", "out"), ("optimize",), ("info",), ("merge", "-o", "out")])
+def test_devices_are_refused(command: tuple[str, ...], tmp_path: Path, clew_command: Command,
+                             monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    done = clew_command(command[0], "/dev/zero", *command[1:])
+    assert_refused(done)
+    assert "is a device" in done.err
+
+
 def test_truncated_log_is_used_as_far_as_it_goes(tmp_path: Path, clew_command: Command) -> None:
     lines = good_log(tmp_path).read_bytes().splitlines(keepends=True)
     first, second = (bz2.compress(b"".join(part)) for part in (lines[:31], lines[31:]))

@@ -35,6 +35,16 @@ FIX 0
 """
 
 
+CIRCLES = """# a drive with features
+STEP image.0001 0.0 -0.5 0.2 0.0004 0.00001 0.0009 0.0 0.0 0.0001
+LANDMARK_C 0.3 -4.0 0.9 0.01 0.001 0.04 7
+STEP image.0002 0.0 -0.25 0.0 0.0004 0.00001 0.0009 0.0 0.0 0.0001
+LANDMARK_C 0.0 -2.0 0.9 0.01 0.001 0.04 7
+LANDMARK_C 1.0 -2.0 0.9 0.01 0.001 0.04 -1
+REMARK what is that
+"""
+
+
 def planar(count: int = 5) -> tuple[np.ndarray, np.ndarray]:
     """Times and poses of a robot that drives a metre a second."""
     stamps = np.arange(count) + 1000.0
@@ -52,9 +62,10 @@ def one_of_each(folder: Path) -> dict[FileKind, Path]:
     write_csv(folder / "f", stamps, poses)
     write_relations(folder / "g", Relations(stamps[:1], stamps[1:2], np.array([[1.0, 0, 0, 0, 0, 0, 1]])))
     write_ros_map(folder / "h.yaml", np.array([[0.0, 1.0, np.nan], [0.0, 0.0, 0.0]]), 0.1, np.zeros(2))
+    (folder / "i").write_text(CIRCLES)
     kinds = [FileKind.CARMEN, FileKind.G2O, FileKind.TORO, FileKind.TUM, FileKind.KITTI, FileKind.CSV,
-             FileKind.RELATIONS, FileKind.ROS_MAP]
-    return dict(zip(kinds, [folder / name for name in ("a", "b", "c", "d", "e", "f", "g", "h.yaml")], strict=True))
+             FileKind.RELATIONS, FileKind.ROS_MAP, FileKind.CIRCLES]
+    return dict(zip(kinds, [folder / name for name in ("a", "b", "c", "d", "e", "f", "g", "h.yaml", "i")], strict=True))
 
 
 def test_kinds_are_told_by_content_and_not_by_name(tmp_path: Path) -> None:
@@ -93,6 +104,16 @@ def test_graph_is_described_with_its_faults(tmp_path: Path, clew_command: Comman
     text = " ".join(data["problems"])
     for word in ("2 parts", "without a value of their own: 1, first 3", "STRANGE"):
         assert word in text
+
+
+def test_drive_with_features_is_described(tmp_path: Path, clew_command: Command) -> None:
+    (tmp_path / "drive").write_text(CIRCLES)
+    data = json.loads(clew_command("info", tmp_path / "drive", "--json").out)
+    numbers = [data[name] for name in ("poses", "features", "named", "landmarks", "poses_without")]
+    assert numbers == [3, 3, 2, 1, 1]
+    assert data["distance_m"] == pytest.approx(0.75)
+    assert data["problems"] == ["left out: 1 x line of the unknown kind REMARK"]
+    assert "at most 4.01 m" in clew_command("info", tmp_path / "drive").out
 
 
 def test_trajectory_is_measured(tmp_path: Path, clew_command: Command) -> None:
@@ -144,7 +165,8 @@ REAL = {
     "lidar/fr079.clf.bz2": "carmen", "lidar/fr079.reference.tum": "tum", "graphs2d/manhattan.g2o": "g2o",
     "graphs2d/FR079_P_toro.graph": "toro", "graphs3d/cubicle.g2o": "g2o", "bags/csail400_ros2_mcap": "ros2_mcap",
     "bags/csail400_ros1_bz2.bag": "ros1_bag", "bags/csail400_ros2_db3/csail400_ros2_db3.db3": "ros2_sqlite",
-    "landmarks/MRCLAM_Dataset6": "mrclam", "landmarks/victoriaPark-noassoc.g2o.gz": "g2o",
+    "landmarks/MRCLAM_Dataset6": "mrclam", "landmarks/dlr.circles": "circles",
+    "landmarks/victoriaPark-noassoc.g2o.gz": "g2o",
     "multirobot/example_4robots/0.g2o": "g2o", "false_closures/B25b_0.150.g2o": "g2o",
 }  # fmt: skip
 

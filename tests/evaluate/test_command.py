@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 import typer
+from scipy.spatial import cKDTree
 from typer.testing import CliRunner
 
 from clew.cli.evaluate import evaluate
-from clew.cli.self_evaluation import in_plane, measure_pairs
+from clew.cli.self_evaluation import in_plane, measure_pairs, without_motion
 from clew.errors import InputError
 from clew.geometry import se2
 from clew.io import open_log, read_tum, write_tum
@@ -120,6 +122,30 @@ def test_self_prints_both_measures(app: typer.Typer, laps: Path) -> None:
     output = run(app, laps / "true.tum", "--self", laps / "laps.log")
     assert "revisits, own scans" in output
     assert "returns about their walls: median 0." in output
+
+
+def test_self_takes_the_motion_out_of_sweeps() -> None:
+    """Scans of a turning laser that drives and turns, against scans taken all at once on the same way."""
+    angle = np.arange(30.0) * 0.05
+    way = Drive(0.1 * np.arange(30.0),
+                np.column_stack([20 + 3 * np.sin(angle), 15 - 3 * np.cos(angle), angle]))
+    at_once = LaserModel(450, np.radians(359.2), range_max=30.0, sigma_range=1e-4, resolution=1e-4)
+    sweeping = replace(at_once, sweep=0.1)
+    clouds = []
+    for laser in (at_once, sweeping):
+        log = simulate(hall(1), way, laser, OdometryModel.medium(), 1)
+        scans = [m for m in log.measurements() if isinstance(m, LaserScan)]
+        clouds.append((scans, without_motion(scans, log.timestamps, log.T_world_robot)))
+    (_, plain), (swept, still) = clouds
+    assert all(before is after for before, after in zip(clouds[0][0], plain, strict=True))
+
+    def apart(scan: LaserScan, other: LaserScan) -> float:
+        tree = cKDTree(extract_points(other).points)
+        return float(np.median(tree.query(extract_points(scan).points)[0]))
+
+    middle = range(5, 25)
+    assert np.median([apart(still[k], plain[k]) for k in middle]) < 0.5 * np.median(
+        [apart(swept[k], plain[k]) for k in middle])
 
 
 def test_self_with_the_log_of_another_drive_is_refused(app: typer.Typer, laps: Path, files: Path) -> None:

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from clew.geometry import SE2
 from clew.graph import Role
 from clew.slam.pose_graph import chi2
-from clew.slam.refine import RECENT, overlapping_pairs
+from clew.slam.refine import RECENT, overlapping_pairs, returns_once
 from clew.solve import optimize
 from slam.drives import errors, mapped, outing, round_trip, truth_of
 
@@ -41,6 +41,18 @@ def test_pairs_are_near_unique_and_the_nearest_of_one_of_both(seed: int, count: 
 def test_far_apart_keyframes_have_no_pairs() -> None:
     assert overlapping_pairs(np.arange(30.0).reshape(10, 3) * 10, 4.0, 12).shape == (0, 2)
     assert overlapping_pairs(np.zeros((1, 3)), 4.0, 12).shape == (0, 2)
+
+
+def test_each_scan_counts_once_however_many_pairs_it_is_in() -> None:
+    ring = np.array([[0, 1], [1, 2], [0, 2]], dtype=np.int32)
+    np.testing.assert_allclose(returns_once(ring, 4), 0.5)
+    star = np.array([[0, 1], [0, 2], [0, 3], [0, 4]], dtype=np.int32)
+    np.testing.assert_allclose(returns_once(star, 5), 0.5)  # a quarter for the middle, all for each end
+    pairs = overlapping_pairs(np.random.default_rng(0).uniform(-3, 3, (40, 3)), 2.0, 12)
+    share = np.zeros(40)
+    np.add.at(share, pairs, returns_once(pairs, 40)[:, None])
+    assert share.max() < 2.0
+    assert np.median(share) == pytest.approx(1.0, abs=0.1)
 
 
 def test_refined_graph_is_at_its_optimum_and_ties_the_rounds_together() -> None:

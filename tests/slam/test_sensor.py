@@ -21,20 +21,24 @@ from clew.sim import (
     drive,
     hall,
     long_corridor,
+    office_building,
     simulate,
     tour,
 )
 from clew.slam import Slam
 
+BARE = long_corridor(1, features=0, length=100.0)
+SPINNING = LaserModel(450, np.radians(359.2), range_min=0.02, range_max=12.0, sweep=0.1)
+
 
 def drive_in(kind: str, laser: LaserModel, rate: float = 5.0, seconds: float = 60.0) -> SimulatedLog:
-    world = hall(1) if kind == "hall" else long_corridor(1, features=0, length=100.0)
+    world = {"hall": hall, "office": office_building}[kind](1) if kind != "corridor" else BARE
     return simulate(world, drive(tour(world, 1, 2 * seconds), rate=rate, duration=seconds), laser,
                     OdometryModel.medium(), 1)
 
 
-def mapped(stream: Iterable[LaserScan | Odometry]) -> Slam:
-    slam = Slam()
+def mapped(stream: Iterable[LaserScan | Odometry], *, use_odometry: bool = True) -> Slam:
+    slam = Slam(use_odometry=use_odometry)
     for measurement in stream:
         slam.add(measurement)
     return slam
@@ -77,6 +81,17 @@ def test_a_bare_corridor_does_not_tell_how_far_along_the_robot_is() -> None:
     assert np.mean(errors[:, 0] ** 2 / covariance[:, 0, 0]) < 1.5
 
 
+def test_a_match_that_corrects_many_steps_at_once_is_known_to_be_uncertain() -> None:
+    """Three cabinets in 100 m: between them the keyframes drift in the map, and each corrects all of it in one step."""
+    world = long_corridor(1, features=3, length=100.0)
+    log = simulate(world, drive(tour(world, 1, 180.0), rate=5.0, duration=150.0),
+                   LaserModel(361, sigma_range=0.005, range_max=80.0, resolution=0.001), OdometryModel.medium(), 1)
+    errors, information = steps(log, mapped(log.measurements()))
+    squared = np.einsum("mi,mij,mj->m", errors, information, errors)
+    assert squared.mean() / 3 < 2.0
+    assert np.mean(errors[:, 0] ** 2 / np.linalg.inv(information)[:, 0, 0]) < 4.0
+
+
 def test_noise_of_normals_is_taken_out_of_the_weak_direction_alone() -> None:
     lines = np.diag([2.0, 100.0, 50.0])
     clean = without_normal_noise(lines[None], 0.01)[0]
@@ -115,10 +130,19 @@ def test_broken_odometry_does_not_break_the_map(broken: object) -> None:
 
 
 def test_a_sweep_whose_time_is_told_does_no_harm() -> None:
-    laser = LaserModel(450, np.radians(359.2), range_min=0.02, range_max=12.0, sweep=0.1)
-    log = drive_in("hall", laser, rate=10.0, seconds=20.0)
+    log = drive_in("hall", SPINNING, rate=10.0, seconds=20.0)
     told = error(log, mapped(log.measurements()))
     untold = error(log, mapped(
         replace(m, time_increment=0.0) if isinstance(m, LaserScan) else m for m in log.measurements()))
     assert told < 0.02
     assert untold > 2 * told
+
+
+def test_a_sweep_is_taken_out_without_odometry_too() -> None:
+    """A velocity taken from one match for the next would swing up from scan to scan."""
+    log = drive_in("office", SPINNING, rate=10.0, seconds=12.0)
+    scans = [m for m in log.measurements() if isinstance(m, LaserScan)]
+    slam = mapped(scans, use_odometry=False)
+    assert error(log, slam) < 0.02
+    moved = np.diff(slam.trajectory.T_world_robot[:, :2], axis=0)
+    assert np.hypot(*moved.T).max() < 1.2 * np.hypot(*np.diff(log.T_world_robot[:, :2], axis=0).T).max()

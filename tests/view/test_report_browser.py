@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -124,6 +125,23 @@ def test_click_on_a_closure_shows_both_scans_before_and_after(opened: Browser) -
     opened.driver.execute_script("[...document.querySelectorAll('#inspector .nav button')]"
                                  ".find((b) => b.textContent === 'Next').click()")
     assert opened.text("#inspector h2") != named
+
+
+def test_closures_of_summarised_keyframes_are_shown_without_their_scans(opened: Browser, page: Path) -> None:
+    with (page.parent / "closures.csv").open() as file:
+        rows = [(row["source"], row["target"]) for row in csv.DictReader(file)]
+    data = opened.run("JSON.parse(document.getElementById('report-data').textContent)")
+    assert len(data["closures"]) == len(rows)
+    poses = opened.run(f"atob('{data['poses']['heading']['data']}').length / 4")
+    k = next(k for k, c in enumerate(data["closures"]) if c["target"] < poses <= c["source"])
+    opened.driver.execute_script(
+        "const link = document.createElement('button'); link.dataset.focus = `closure ${arguments[0]} -1`;"
+        "document.body.append(link); link.click(); link.remove()", k)
+    opened.settle()
+    source, target = rows[k]
+    assert opened.text("#inspector h2") == f"Closure {source} → {target}"
+    assert f"Not kept: the scan of {source}." in opened.text("#inspector")
+    assert opened.coloured("#inspector [data-overlay=after]", SCAN, 60) > 30
 
 
 def test_map_is_moved_scaled_and_seen_whole_again(opened: Browser) -> None:

@@ -15,6 +15,7 @@ from clew.cli.description import Description, Table, count, metres, seconds
 from clew.errors import InputError
 from clew.geometry import so3
 from clew.io import (
+    UNNAMED,
     FileKind,
     StreamHealth,
     file_kind,
@@ -23,6 +24,7 @@ from clew.io import (
     mrclam_robots,
     open_log,
     read_csv,
+    read_feature_log,
     read_kitti,
     read_mrclam,
     read_relations,
@@ -50,7 +52,7 @@ def describe(path: Path) -> Description:
         FileKind.ROS2_MCAP: describe_bag, FileKind.MRCLAM: describe_mrclam, FileKind.G2O: describe_graph,
         FileKind.TORO: describe_graph, FileKind.TUM: describe_trajectory, FileKind.KITTI: describe_kitti,
         FileKind.CSV: describe_trajectory, FileKind.RELATIONS: describe_relations, FileKind.ROS_MAP: describe_map,
-        FileKind.OUTPUT: describe_output,
+        FileKind.OUTPUT: describe_output, FileKind.CIRCLES: describe_features,
     }  # fmt: skip
     if kind not in makers:
         raise InputError(f"{path}: is a picture; give the file that it was made from")
@@ -160,6 +162,27 @@ def describe_mrclam(path: Path, kind: str) -> Description:
                          "truth"), rows)  # fmt: skip
     about.data = {"robots": robots, "landmarks": 0 if survey is None else len(survey.identity),
                   "problems": about.problems}
+    return about
+
+
+def describe_features(path: Path, kind: str) -> Description:
+    """Steps and features of a drive, and how many of the features the file names."""
+    log = read_feature_log(path)
+    where, distances = log.features.keys, np.hypot(*log.features.measurement.T)
+    named = np.empty(0, np.int64) if log.identity is None else log.identity[log.identity != UNNAMED]
+    way, blind = float(np.hypot(*log.motion[:, :2].T).sum()), len(log.keys) - len(np.unique(where))
+    turned = float(np.degrees(np.abs(log.motion[:, 2]).sum()))
+    about = Description(kind)
+    about.lines = [
+        ("odometry", f"{count(len(log.motion), 'step')}, way {metres(way)}, turned by {turned:,.0f} degrees in all"),
+        ("features", f"{len(where):,} seen, {len(where) / len(log.keys):.2g} a pose, none at {count(blind, 'pose')}; "
+                     f"median {np.median(distances):.3g} m away, at most {distances.max():.3g} m"),
+        ("identities", f"{len(named):,} features of {count(len(np.unique(named)), 'landmark')}, "
+                       f"{len(where) - len(named):,} without"),
+    ]  # fmt: skip
+    about.problems += [f"left out: {many:,} x {reason}" for reason, many in sorted(log.report.skipped.items())]
+    about.data = {"poses": len(log.keys), "distance_m": way, "features": len(where), "named": len(named),
+                  "landmarks": len(np.unique(named)), "poses_without": blind, "problems": about.problems}
     return about
 
 

@@ -12,7 +12,17 @@ from clew.errors import InputError
 from clew.evaluate import PairErrors, WallSpread, associate, pair_errors, revisiting_pairs, wall_spread
 from clew.geometry import se2, se3
 from clew.io import Log
-from clew.scan import AlignmentOptions, IndexedClouds, LaserScan, ScanPoints, align, extract_points, index_cloud, join
+from clew.scan import (
+    AlignmentOptions,
+    IndexedClouds,
+    LaserScan,
+    ScanPoints,
+    align,
+    deskew,
+    extract_points,
+    index_cloud,
+    join,
+)
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
@@ -27,6 +37,7 @@ AGREEMENT = (0.02, np.radians(0.3))
 #: Tight: partners no further away than the noise of the trajectory and of the returns.
 ALIGNMENT = AlignmentOptions(radius_start=0.3, radius_end=0.08, iterations=40)
 PAIRS_AT_ONCE = 250
+SAME_MOTION = 1.0  # seconds between poses at most that tell how the robot moved during a sweep
 SPREAD_STEP = 0.2  # metres of way between scans whose returns make the walls
 
 
@@ -83,10 +94,27 @@ def evaluate_self(
     if len(in_log) < 2:
         raise InputError(f"{log.path}: {len(in_log)} of its {len(scans)} scans are at a time of the trajectory: "
                          "give the log that the trajectory was made from")
-    scans = [scans[i] for i in in_log]
-    poses = poses[in_trajectory]
-    pairs, disagreement = _judge_pairs(timestamps[in_trajectory], poses, scans, progress)
+    timestamps, poses = timestamps[in_trajectory], poses[in_trajectory]
+    scans = without_motion([scans[i] for i in in_log], timestamps, poses)
+    pairs, disagreement = _judge_pairs(timestamps, poses, scans, progress)
     return SelfEvaluation(pairs, disagreement, _judge_spread(poses, scans))
+
+
+def without_motion(scans: Sequence[LaserScan], timestamps: Array, poses: Array) -> list[LaserScan]:
+    """Scans as they would have been measured all at once, each at its timestamp.
+
+    The trajectory itself tells how the robot moved during a sweep. A scan that is no sweep comes back as it is, and so
+    does one too far from its neighbours in time.
+
+    Args:
+        scans: one for each pose.
+        timestamps: ``(N,)`` seconds, ascending.
+        poses: ``(N, 3)``, two at least.
+    """
+    seconds = np.diff(timestamps)
+    velocities = se2.log(se2.between(poses[:-1], poses[1:])) / seconds[:, None]
+    velocities[seconds > SAME_MOTION] = 0.0
+    return [deskew(scan, velocity) for scan, velocity in zip(scans, [*velocities, velocities[-1]], strict=True)]
 
 
 def _judge_pairs(

@@ -6,9 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import breadth_first_order, connected_components
 
+from clew import _native
 from clew.graph import FactorGraph
 
 Array = NDArray[np.float64]
@@ -55,20 +54,11 @@ def bridges(count: int, pairs: Index) -> Flags:
     if not len(first):
         return flags
     ends = np.stack([low[first], high[first]])
-    joined = coo_array((np.arange(1, len(first) + 1), (ends[0], ends[1])), shape=(count, count)).tocsr()
-    joined = joined + joined.T
     parent_edge = np.full(count, -1, np.int64)
     parent = np.full(count, -1, np.int64)
-    order: list[int] = []
-    parts, label = connected_components(joined, directed=False)
-    for root in np.unique(label, return_index=True)[1]:
-        if parts > 1 and joined.indptr[root] == joined.indptr[root + 1]:
-            continue
-        nodes, before = breadth_first_order(joined, int(root), directed=False)
-        parent[nodes] = np.where(before[nodes] < 0, -1, before[nodes])
-        order += nodes.tolist()
+    order, before, edge, _, _ = _native.solve.spanning_forest(count, ends[0], ends[1], np.empty(0, np.int64))
+    parent[order], parent_edge[order] = before, edge
     child = np.flatnonzero(parent >= 0)
-    parent_edge[child] = np.asarray(joined[child, parent[child]]).ravel() - 1
 
     others = np.ones(len(first), dtype=np.bool_)
     others[parent_edge[child]] = False
@@ -77,7 +67,7 @@ def bridges(count: int, pairs: Index) -> Flags:
     np.add.at(sums, ends[0, others], numbers)
     np.subtract.at(sums, ends[1, others], numbers)
     below, above = sums.tolist(), parent.tolist()
-    for node in reversed(order):  # each node after all nodes below it
+    for node in reversed(order.tolist()):  # each node after all nodes below it
         if above[node] >= 0:
             below[above[node]] = (below[above[node]] + below[node]) % 2**64
     alone = child[np.array(below, dtype=np.uint64)[child] == 0]

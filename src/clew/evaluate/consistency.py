@@ -10,7 +10,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 
 from clew.errors import InputError
 from clew.evaluate.poses import as_trajectory, check_poses, functions_of, rotation_angles, translations, travelled
@@ -72,6 +71,8 @@ def revisiting_pairs(timestamps: Array, poses: Array, *, max_distance: float = 1
     way = travelled(poses)
     _, kept = np.unique(np.floor(way / spacing), return_index=True)
     way, thinned = way[kept], poses[kept]
+    from scipy.spatial import cKDTree  # slow to import, and seldom needed
+
     near = cKDTree(translations(thinned)).query_pairs(max_distance, output_type="ndarray")
     early, late = near.min(axis=1), near.max(axis=1)
     turn = rotation_angles(functions_of(thinned).between(thinned[early], thinned[late]))

@@ -12,7 +12,6 @@ from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 
 from clew.errors import InputError
 from clew.evaluate.poses import (
@@ -157,6 +156,8 @@ def relations_from_reference(timestamps: Array, poses: Array, *, max_distance: f
     before = np.arange(len(poses) - 1)
     step = np.linalg.norm(np.diff(positions, axis=0), axis=1)
     before = before[(np.diff(timestamps) <= max_gap) & (step <= max_distance)]
+
+    from scipy.spatial import cKDTree  # slow to import, and seldom needed
 
     pairs = cKDTree(positions).query_pairs(max_distance, output_type="ndarray")
     early, late = pairs.min(axis=1), pairs.max(axis=1)

@@ -7,7 +7,6 @@ from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import chdtrc
 
 from clew.graph import Factor, FactorGraph, Role
 
@@ -53,6 +52,8 @@ class FactorResiduals:
     @property
     def chance(self) -> Array:
         """``(F,)`` probability that noise as stated leaves a residual at least as large as each."""
+        from scipy.special import chdtrc  # slow to import
+
         return np.asarray(chdtrc(np.maximum(self.dim, 1), self.squared), dtype=np.float64)
 
     def of_role(self, role: Role) -> NDArray[np.bool_]:

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 
 from clew.errors import InputError
+
+if TYPE_CHECKING:
+    from scipy.spatial import cKDTree
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
@@ -63,6 +66,8 @@ def wall_spread(points: Array, normals: Array, scans: Indices, *, radius: float 
         raise InputError("wall_spread: give points (n, 2), normals (n, 2) and scans (n,)")
     if not (np.isfinite(points).all() and np.isfinite(normals).all()):
         raise InputError("wall_spread: points and normals must be finite")
+    from scipy.spatial import cKDTree  # slow to import, and seldom needed
+
     tree = cKDTree(points)
     count = min(limit, len(points))
     judged = np.linspace(0, max(len(points) - 1, 0), count).round().astype(np.int64)
@@ -77,6 +82,8 @@ def wall_spread(points: Array, normals: Array, scans: Indices, *, radius: float 
 
 def _distances(tree: cKDTree, points: Array, normals: Array, scans: Indices, judged: Indices, radius: float) -> Array:
     """Signed distances of those returns that have a wall."""
+    from scipy.spatial import cKDTree
+
     near = cKDTree(points[judged]).sparse_distance_matrix(tree, radius, output_type="ndarray")
     owner, partner = near["i"], near["j"]
     own = judged[owner]

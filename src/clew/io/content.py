@@ -67,7 +67,7 @@ def check_readable(path: Path) -> None:
             raise InputError(f"{path}: no such file; check the path")
         if path.is_char_device() or path.is_block_device():  # some never end
             raise InputError(f"{path}: is a device; store it in a file first")
-        if not path.is_dir():
+        if path.is_file():  # opening a pipe waits for its writer
             with path.open("rb"):
                 pass
     except OSError as error:

@@ -11,6 +11,7 @@ import numpy as np
 
 from clew.errors import InputError
 from clew.io.bag import bag_suffix
+from clew.io.circles import is_circles
 from clew.io.content import check_readable, check_text, read_content
 from clew.io.mrclam import is_mrclam
 
@@ -23,6 +24,7 @@ class FileKind(Enum):
     ROS2_SQLITE = "ROS 2 bag, sqlite3"
     ROS2_MCAP = "ROS 2 bag, MCAP"
     MRCLAM = "MRCLAM folder"
+    CIRCLES = "circles log"
     G2O = "g2o graph"
     TORO = "TORO graph"
     TUM = "TUM trajectory"
@@ -41,8 +43,8 @@ _CARMEN_TAG = re.compile(rb"^(FLASER|RLASER|ROBOTLASER\d|RAWLASER\d|ODOM|PARAM|T
 _MAP_KEYS = re.compile(rb"^(image|resolution)\s*:", re.MULTILINE)
 _CSV_HEADER = re.compile(rb"\s*#?\s*(timestamp|time|t)\s*,\s*x\s*,\s*y\b")
 _HEAD = 1 << 20  # bytes that tell what a text is
-ADVICE = ("give a CARMEN log, a ROS bag, an MRCLAM folder, a g2o or TORO graph, a TUM, KITTI or CSV trajectory, "
-          "relations, the YAML file of a ROS map, or an output folder of clew")
+ADVICE = ("give a CARMEN log, a ROS bag, an MRCLAM folder, a circles log, a g2o or TORO graph, a TUM, KITTI or CSV "
+          "trajectory, relations, the YAML file of a ROS map, or an output folder of clew")
 
 
 def file_kind(path: str | PathLike[str]) -> FileKind:
@@ -66,6 +68,8 @@ def file_kind(path: str | PathLike[str]) -> FileKind:
     if re.match(rb"P[25]\s", data):
         raise InputError(f"{path}: the image of a ROS map; give the YAML file beside it")
     check_text(path, data)
+    if is_circles(data):
+        return FileKind.CIRCLES
     if _GRAPH_TAG.search(data):
         return FileKind.TORO if _TORO_TAG.search(data) else FileKind.G2O
     if _CARMEN_TAG.search(data):

@@ -130,7 +130,7 @@ class RefinementOptions:
         overlap: pairs that share less are left out.
         rounds: how often correspondences are sought again at most.
         movement: it has converged when no keyframe moves more, metres.
-        information_scale: as in `TrackingOptions`.
+        information_scale: as in `TrackingOptions`, shared by the pairs that a scan is in.
     """
 
     radius: float = 4.0
@@ -138,7 +138,7 @@ class RefinementOptions:
     overlap: float = 0.4
     rounds: int = 4
     movement: float = 0.002
-    information_scale: float = 0.045
+    information_scale: float = 0.45
 
 
 @dataclass(frozen=True)

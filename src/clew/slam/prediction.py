@@ -112,11 +112,18 @@ class MotionPredictor:
                 size = min(float(np.hypot(error[0], error[1])) + LEVER * abs(float(error[2])), 1.0)
                 self._errors[which] += (size - self._errors[which]) / min(self._compared, MEMORY)
         # Scans may come in bursts: over a moment too short, noise is all there is to a velocity.
+        self._velocity = self.velocity_to(timestamp, moved)
         self._seconds, self._moved = self._seconds + seconds, se2.compose(self._moved, moved)
         if self._seconds >= LEAST_SECONDS:
-            self._velocity = se2.log(self._moved) / self._seconds
             self._seconds, self._moved = 0.0, np.zeros(3)
         self._timestamp, self._T_odom_robot = timestamp, T_odom_robot
+
+    def velocity_to(self, timestamp: float, moved: Array) -> Array:
+        """``(3,)`` body velocity, should the robot have moved ``(3,)`` since the last matched scan."""
+        seconds = self._seconds + timestamp - self._timestamp
+        if seconds < LEAST_SECONDS:
+            return self._velocity
+        return np.asarray(se2.log(se2.compose(self._moved, moved)) / seconds, dtype=np.float64)
 
     def keyframe(self, T_odom_robot: Array | None, step: Array, information: Array) -> None:
         """Learn from the step ``(3,)`` between two keyframes, measured with some information ``(3, 3)`` by returns."""

@@ -32,6 +32,9 @@ RADII = ((0.3, 0.15), (0.2, 0.1), (0.1, 0.08))  # metres; the search for partner
 WEAK_PRIOR = np.diag([1 / 0.05**2, 1 / 0.05**2, 1 / 0.02**2])  # keeps a pair in place where its returns say nothing
 RECENT = 10  # keyframes on the same stretch of path
 KERNEL = 3.0
+#: Radians; normals at jambs and corners are off by so much, and alike in all scans that see them. Along a corridor they
+#: are what a pair of single scans has to go by, and what it makes of them does not average out over many pairs.
+BENT_ENDS = 0.25
 PAIRS_AT_ONCE = 2000  # whose returns are laid out together: memory of the alignment does not grow with the map
 
 
@@ -127,13 +130,24 @@ def _pair_factor(
     good = overlap >= options.overlap
     if not good.any():
         return None
-    keys = numbers[pairs[good]]
-    worth = sensor.return_information(options.information_scale)
-    information = worth * without_normal_noise(returns[good], sensor.normal_variance) + LEAST_INFORMATION
+    pairs, keys = pairs[good], numbers[pairs[good]]
+    worth = sensor.return_information(options.information_scale) * returns_once(pairs, len(numbers))
+    of_returns = without_normal_noise(returns[good], sensor.normal_variance + BENT_ENDS**2)
+    information = worth[:, None, None] * of_returns + LEAST_INFORMATION
     return Between(
         keys[:, 0], keys[:, 1], SE2.from_array(T[good]),
         information=information, role=Role.LOOP, kernel=Cauchy(KERNEL),
     )  # fmt: skip
+
+
+def returns_once(pairs: NDArray[np.int32], count: int) -> Array:
+    """Share ``(P,)`` of their returns that pairs ``(P, 2)`` of `count` keyframes may count as their own.
+
+    The noise of a scan is in all the pairs that it takes part in, so that their information does not add up: each
+    of ``n`` pairs has an ``n``-th of it, or what lies between the shares of its two scans.
+    """
+    times = np.bincount(pairs.reshape(-1), minlength=count)[pairs]
+    return np.asarray(1.0 / np.sqrt(times[:, 0] * times[:, 1]), dtype=np.float64)
 
 
 def _align_part(

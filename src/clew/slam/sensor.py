@@ -40,6 +40,7 @@ class SensorModel:
         self._cleaning = config.cleaning
         self._noise = config.alignment.sigma / 2  # until the first scan tells
         self._matches: deque[float] = deque(maxlen=MATCHES)
+        self._matched = 0.0  # their median, once there are enough
         self._scans = 0
         self._gaps: deque[float] = deque(maxlen=1000)
         self._last: float | None = None
@@ -57,9 +58,7 @@ class SensorModel:
     @property
     def return_deviation(self) -> float:
         """Deviation of a return about the map: noise of the range, roughness of surfaces, errors of the map, metres."""
-        if len(self._matches) < FIRST_SCANS:
-            return max(self._noise, LEAST_NOISE)
-        return max(float(np.median(self._matches)) / CAUCHY_SHARE, self._noise, LEAST_NOISE)
+        return max(self._matched / CAUCHY_SHARE, self._noise, LEAST_NOISE)
 
     @property
     def alignment(self) -> AlignmentOptions:
@@ -108,6 +107,8 @@ class SensorModel:
     def matched(self, rms: float) -> None:
         """Take notice of the residual of a match, metres."""
         self._matches.append(rms)
+        if len(self._matches) >= FIRST_SCANS:
+            self._matched = float(np.median(self._matches))
 
     def report(self) -> dict[str, object]:
         """Plain numbers: metres, degrees, Hertz."""

@@ -14,7 +14,7 @@ from clew.graph import FactorGraph
 from clew.mapping import OccupancyGrid, build_occupancy_grid, moving_returns
 from clew.motion import Odometry, OdometryBuffer
 from clew.place import Closure
-from clew.scan import LaserScan, deskew
+from clew.scan import LaserScan
 from clew.slam.config import SlamConfig
 from clew.slam.keyframes import KeyframeStore
 from clew.slam.loop_closing import LoopCloser
@@ -123,10 +123,9 @@ class Slam:
                 "(Slam(use_odometry=False), clew run --no-odometry)"
             )
         self._sensor.see(scan)
-        scan = self._without_motion(scan, T_odom_robot)
-        tracked = self._tracker.track(scan, T_odom_robot)
-        self._scans.add(scan, tracked.keyframe, tracked.T_keyframe_robot, T_odom_robot)
-        self._last_scan = scan
+        tracked = self._tracker.track(scan, T_odom_robot, self._velocity(scan, T_odom_robot))
+        self._scans.add(tracked.scan, tracked.keyframe, tracked.T_keyframe_robot, T_odom_robot)
+        self._last_scan = tracked.scan
         self._refined = None
         if tracked.is_keyframe:
             self._pose_graph.add_keyframe(self._keyframes[tracked.keyframe])
@@ -142,17 +141,14 @@ class Slam:
         for keyframe in gone:
             self._scans.forget(keyframe)
 
-    def _without_motion(self, scan: LaserScan, T_odom_robot: Array | None) -> LaserScan:
-        """The scan as of its timestamp: what the robot moved during the sweep is taken out."""
+    def _velocity(self, scan: LaserScan, T_odom_robot: Array | None) -> Array | None:
+        """``(3,)`` body velocity during the sweep of a scan, where odometry tells it."""
         sweep = scan.time_increment * len(scan.ranges)
-        if sweep <= 0.0:
-            return scan
-        velocity = self._tracker.velocity
-        if T_odom_robot is not None and self._tracker.trusts_odometry:
-            end = self._odometry.at(scan.timestamp + sweep)
-            assert end is not None
-            velocity = se2.log(se2.between(T_odom_robot, end)) / sweep
-        return deskew(scan, velocity)
+        if sweep <= 0.0 or T_odom_robot is None or not self._tracker.trusts_odometry:
+            return None
+        end = self._odometry.at(scan.timestamp + sweep)
+        assert end is not None
+        return np.asarray(se2.log(se2.between(T_odom_robot, end)) / sweep, dtype=np.float64)
 
     def optimise(self) -> None:
         """Move all keyframes to where odometry and closures agree best, the latest closures included."""

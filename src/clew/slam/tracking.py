@@ -18,6 +18,7 @@ from clew.scan import (
     align,
     build_pyramid,
     correlate,
+    deskew,
     extract_points,
     fill_surfaces,
     index_cloud,
@@ -37,9 +38,15 @@ THINNING = 0.1  # metres; the correlative search needs the shape of a scan, not 
 LEAST_POINTS = 10
 ELSEWHERE = 1.5  # the search has left the prediction when it ended so many times `prior_floor` away
 LITTLE_SLIP = 0.7  # a prediction of more weight is left as it is
+FAST_SECONDS = 0.06  # a scan so soon after the last matched one is matched only where the robot has moved
+FAST_MORE = 2.5  # times as far as one that stands may have
 CHANGE_SIGMAS = 5.0  # of the range noise; a return that differs by more, and by more than the robot may move unseen,
 CHANGED_SHARE = 0.05  #   on so many of the beams, shows that the robot moves
 SLIP_FREEDOM = 3.0  # degrees of freedom of the distribution of odometry's errors
+SWEEP_ROUNDS = 3  # matches at most that find pose and motion during the sweep together,
+SWEEP_SHARE = 0.6  # by so much of the difference at a time,
+SWEEP_STEADY = 0.002  # until what is still to be moved in a sweep is less, metres, and a hundredth of a radian for 5 m
+SWEEP_LEVER = 5.0  # metres
 
 
 @dataclass(frozen=True)
@@ -50,12 +57,14 @@ class TrackedScan:
         keyframe: index of the keyframe that the pose is relative to.
         T_keyframe_robot: ``(3,)``.
         is_keyframe: whether the scan became that keyframe.
+        scan: as it would have been measured all at once, at its timestamp.
         covariance: ``(3, 3)`` of the pose seen from the keyframe that it was tracked against, in its own tangent.
     """
 
     keyframe: int
     T_keyframe_robot: Array
     is_keyframe: bool
+    scan: LaserScan
     covariance: Array
 
 
@@ -76,6 +85,7 @@ class _Match:
         information: ``(3, 3)`` of the returns alone.
         of_returns: ``(3, 3)`` the part of `covariance` that comes from the noise of this scan's returns: what is next
             measured from here bears it too.
+        kept: ``(3, 3)`` what the returns leave of an error of the last pose in the map, seen from this one.
     """
 
     pose: Array
@@ -83,6 +93,7 @@ class _Match:
     T_returns: Array
     information: Array
     of_returns: Array
+    kept: Array
 
     @property
     def matched(self) -> bool:
@@ -105,53 +116,92 @@ class Tracker:
         self._map: _LocalMap | None = None
         self._surfaces: dict[int, ScanPoints] = {}  # those of the keyframes in the map, filled
         self._T_keyframe_robot = np.zeros(3)  # at the last matched scan
-        self._covariance = np.zeros((3, 3))
+        self._covariance = np.zeros((3, 3))  # of it, were the last keyframe where the map has it
+        self._drift = np.zeros((3, 3))  # of the last keyframe in the map, beyond the noise of its returns,
+        self._kept = np.eye(3)  # and what is left of that in the pose
         self._scan: LaserScan | None = None  # the last matched one
-
-    @property
-    def velocity(self) -> Array:
-        """``(3,)`` body velocity between the last two matched scans, metres and radians a second."""
-        return self._predictor.velocity
 
     @property
     def trusts_odometry(self) -> bool:
         """Whether odometry predicts better than the last velocity."""
         return self._predictor.trusts_odometry
 
-    def track(self, scan: LaserScan, T_odom_robot: Array | None) -> TrackedScan:
-        """Pose of the robot at a scan; `T_odom_robot` is None where there is no odometry."""
+    def track(self, scan: LaserScan, T_odom_robot: Array | None, velocity: Array | None = None) -> TrackedScan:
+        """Pose of the robot at a scan, and the scan without the robot's motion during its sweep.
+
+        Args:
+            scan: as it was recorded.
+            T_odom_robot: ``(3,)``, None where there is no odometry.
+            velocity: ``(3,)`` body velocity during the sweep by odometry; without it the match tells.
+        """
+        still = deskew(scan, self._predictor.velocity if velocity is None else velocity)
         if self._map is None:
-            return self._first(scan, T_odom_robot)
+            return self._first(still, T_odom_robot)
         prediction = self._predictor.predict(scan.timestamp, T_odom_robot)
         increment = prediction.increment
-        if prediction.by_odometry and self._stands(increment) and not self._looks_elsewhere(scan):
+        if prediction.by_odometry and self._stands(increment, scan.timestamp) and not self._looks_elsewhere(still):
             predicted = se2.compose(self._T_keyframe_robot, increment)
-            return TrackedScan(len(self._keyframes) - 1, predicted, False, self._covariance)
-        points = extract_points(scan, self._config.cleaning)
+            return TrackedScan(len(self._keyframes) - 1, predicted, False, still, self._step_covariance())
+        points = extract_points(still, self._config.cleaning)
         match = self._match(points, prediction)
         if prediction.by_odometry and not match.matched:  # odometry may be what misleads
             again = self._match(points, self._predictor.by_velocity(scan.timestamp))
             match = again if again.matched else match
+        if velocity is None and scan.time_increment > 0.0:
+            still, points, match = self._match_sweep(scan, still, points, match, prediction)
         moved = se2.between(self._T_keyframe_robot, match.pose)
         self._predictor.moved(scan.timestamp, T_odom_robot, moved, match.matched)
-        self._T_keyframe_robot, self._covariance, self._scan = match.pose, match.covariance, scan
+        self._T_keyframe_robot, self._covariance, self._scan = match.pose, match.covariance, still
+        self._kept = match.kept @ self._kept
+        covariance = self._step_covariance()
         if self._starts_keyframe(scan.timestamp):
             self._predictor.keyframe(T_odom_robot, match.T_returns, match.information)
-            index = self._add_keyframe(scan, points, match.of_returns)
-            return TrackedScan(index, np.zeros(3), True, match.covariance)
-        return TrackedScan(len(self._keyframes) - 1, match.pose, False, match.covariance)
+            index = self._add_keyframe(still, points, match.of_returns)
+            return TrackedScan(index, np.zeros(3), True, still, covariance)
+        return TrackedScan(len(self._keyframes) - 1, match.pose, False, still, covariance)
+
+    def _match_sweep(
+        self, scan: LaserScan, still: LaserScan, points: ScanPoints, match: _Match, prediction: Prediction
+    ) -> tuple[LaserScan, ScanPoints, _Match]:
+        """Pose and motion during the sweep that agree with each other.
+
+        A velocity that is too large takes too much motion out of the scan, so that its match lies too far back, by up
+        to the whole sweep, and the next velocity is too small by as much and more: the error would grow from scan to
+        scan. The velocity that leads to this very pose does not have that (an implicit step in place of an explicit
+        one).
+        """
+        sweep = scan.time_increment * len(scan.ranges)
+        velocity = self._predictor.velocity
+        for _ in range(SWEEP_ROUNDS):
+            if not match.matched:
+                break
+            found = self._predictor.velocity_to(scan.timestamp, se2.between(self._T_keyframe_robot, match.pose))
+            change = SWEEP_SHARE * (found - velocity)
+            velocity = velocity + change
+            still = deskew(scan, velocity)
+            if sweep * (np.hypot(change[0], change[1]) + SWEEP_LEVER * abs(change[2])) < SWEEP_STEADY:
+                break
+            points = extract_points(still, self._config.cleaning)
+            match = self._match(points, prediction)
+        return still, points, match
 
     def _first(self, scan: LaserScan, T_odom_robot: Array | None) -> TrackedScan:
         self._predictor.start(scan.timestamp, T_odom_robot)
         points = extract_points(scan, self._config.cleaning)
         self._scan = scan
-        return TrackedScan(self._add_keyframe(scan, points, np.zeros((3, 3))), np.zeros(3), True, np.zeros((3, 3)))
+        index = self._add_keyframe(scan, points, np.zeros((3, 3)))
+        return TrackedScan(index, np.zeros(3), True, scan, np.zeros((3, 3)))
 
-    def _stands(self, increment: Array) -> bool:
-        """Whether the robot has hardly moved since the last matched scan, as odometry has it."""
-        options = self._config.tracking
+    def _stands(self, increment: Array, timestamp: float) -> bool:
+        """Whether the robot has hardly moved since the last matched scan, as odometry has it.
+
+        Of scans that follow each other fast, odometry carries on over more: a match would tell no more than it.
+        """
+        options, before = self._config.tracking, self._scan
+        assert before is not None
+        more = FAST_MORE if timestamp - before.timestamp < FAST_SECONDS else 1.0
         moved = np.hypot(increment[0], increment[1])
-        return bool(moved < options.still_distance and abs(increment[2]) < options.still_angle)
+        return bool(moved < more * options.still_distance and abs(increment[2]) < more * options.still_angle)
 
     def _looks_elsewhere(self, scan: LaserScan) -> bool:
         """Whether a scan differs from the last matched one as it does when the robot moves and odometry sleeps."""
@@ -170,7 +220,7 @@ class Tracker:
         transport = se2.adjoint(se2.inverse(prediction.increment))
         prior = transport @ self._covariance @ transport.T + prediction.covariance
         predicted = se2.compose(self._T_keyframe_robot, prediction.increment)
-        unmatched = _Match(predicted, prior, predicted, np.zeros((3, 3)), np.zeros((3, 3)))
+        unmatched = _Match(predicted, prior, predicted, np.zeros((3, 3)), np.zeros((3, 3)), transport)
         if len(points) < LEAST_POINTS:
             return unmatched
         options = self._config.tracking
@@ -199,7 +249,8 @@ class Tracker:
         covariance = np.linalg.inv(information + prior_information)
         gain = covariance @ information
         of_returns = np.asarray(gain @ covariance @ gain.T, dtype=np.float64)
-        return _Match(pose, np.asarray(covariance, dtype=np.float64), T_returns, information, of_returns)
+        kept = np.asarray((np.eye(3) - gain) @ transport, dtype=np.float64)
+        return _Match(pose, np.asarray(covariance, dtype=np.float64), T_returns, information, of_returns, kept)
 
     @staticmethod
     def _surprise(prediction: Prediction) -> Array:
@@ -241,6 +292,16 @@ class Tracker:
         squared = float(error @ weight @ error)
         return (SLIP_FREEDOM + 3) / (SLIP_FREEDOM + max(squared, 3.0))
 
+    def _step_covariance(self) -> Array:
+        """``(3, 3)`` of the pose seen from the last keyframe, in its own tangent.
+
+        Where returns tell nothing for a while, as along a bare corridor, keyframes drift in the map. The first match
+        that tells corrects all of that at once: of the drift of the last keyframe, what is not left in the pose is an
+        error of the step between the two.
+        """
+        corrected = self._kept - se2.adjoint(se2.inverse(self._T_keyframe_robot))
+        return np.asarray(self._covariance + corrected @ self._drift @ corrected.T, dtype=np.float64)
+
     def _starts_keyframe(self, timestamp: float) -> bool:
         options = self._config.tracking
         x, y, theta = self._T_keyframe_robot
@@ -258,11 +319,13 @@ class Tracker:
             previous = self._keyframes[len(self._keyframes) - 1]
             local = se2.compose(previous.T_local_robot, step)
             path = previous.path + float(np.hypot(step[0], step[1]))
-            information = np.asarray(np.linalg.inv(self._covariance), dtype=np.float64)
+            information = np.asarray(np.linalg.inv(self._step_covariance()), dtype=np.float64)
         index = self._keyframes.add(
             Keyframe(scan.timestamp, points, scan.T_robot_sensor, local, path, step, information)
         )
-        self._T_keyframe_robot, self._covariance = np.zeros(3), of_returns
+        left = self._kept @ self._drift @ self._kept.T + self._covariance - of_returns
+        self._drift = (1.0 - 1.0 / self._config.tracking.map_keyframes) * left  # older keyframes leave the map
+        self._T_keyframe_robot, self._covariance, self._kept = np.zeros(3), of_returns, np.eye(3)
         self._map = self._build_map(index)
         return index
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import block_diag
 
 from clew.geometry import se2, so2
 
@@ -71,13 +72,20 @@ class LandmarkFilter:
         by_pose[:, 0, 2], by_pose[:, 1, 2] = predicted[:, 1], -predicted[:, 0]
         return predicted, by_pose, so2.matrix(-self.pose[2:])
 
-    def see(self, row: int, z: Array, noise: Array) -> None:
-        """Take in a sighting ``(2,)`` of a known landmark."""
-        predicted, by_pose, turn = self._view(np.array([row]))
-        mine = slice(3 + 2 * row, 5 + 2 * row)
-        spread = self.covariance[:, :3] @ by_pose[0].T + self.covariance[:, mine] @ turn.T
-        total = by_pose[0] @ spread[:3] + turn @ spread[mine] + noise
-        half = np.linalg.solve(np.linalg.cholesky(total), np.column_stack([spread.T, z - predicted[0]]))
+    def see(self, rows: Indices, z: Array, noise: Array) -> None:
+        """Take in sightings ``(M, 2)`` of different known landmarks with noise ``(M, 2, 2)``, all at one moment.
+
+        One update for all of them: the covariance is large, and going through it once is what takes time.
+        """
+        count = len(rows)
+        predicted, by_pose, turn = self._view(rows)
+        jacobian, mine = by_pose.reshape(2 * count, 3), (3 + 2 * rows[:, None] + np.arange(2)).reshape(-1)
+        points = self.covariance[:, mine].reshape(-1, count, 2) @ turn.T
+        spread = self.covariance[:, :3] @ jacobian.T + points.reshape(-1, 2 * count)
+        total = jacobian @ spread[:3] + (turn @ spread[mine].reshape(count, 2, -1)).reshape(2 * count, -1)
+        total += block_diag(*noise)
+        difference = (z - predicted).reshape(-1)
+        half = np.linalg.solve(np.linalg.cholesky(total), np.column_stack([spread.T, difference]))
         delta = half[:, :-1].T @ half[:, -1]
         self.covariance -= half[:, :-1].T @ half[:, :-1]
         self.pose = se2.retract(self.pose, delta[:3])

@@ -145,13 +145,13 @@ class LandmarkMapper:
         else:
             found = nearest_neighbour(z, predicted, own, noise, gates, self._density)
         keys = np.full(len(z), -1, np.int64)
-        for row, landmark in enumerate(found.tolist()):
-            if landmark >= 0:
-                keys[row] = self._filter.keys[landmark]
-                self._filter.see(landmark, z[row], noise[row])
-            elif landmark == NEW:
-                keys[row] = self._new_key()
-                self._filter.add(int(keys[row]), z[row], noise[row])
+        known = np.flatnonzero(found >= 0)
+        if len(known):
+            keys[known] = np.array(self._filter.keys)[found[known]]
+            self._filter.see(found[known], z[known], noise[known])
+        for row in np.flatnonzero(found == NEW).tolist():
+            keys[row] = self._new_key()
+            self._filter.add(int(keys[row]), z[row], noise[row])
         return keys
 
     def _new_key(self) -> int:

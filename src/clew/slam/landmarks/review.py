@@ -84,7 +84,8 @@ def _near_another(points: Array, deviation: Array, new: NDArray[np.bool_]) -> In
     pairs = pairs[new[pairs].any(axis=1)]
     length = np.linalg.norm(points[pairs[:, 0]] - points[pairs[:, 1]], axis=1)
     ratio = length / np.maximum(deviation[pairs].sum(axis=1), 1e-9)
-    pairs = pairs[np.argsort(ratio, kind="stable")][: np.count_nonzero(ratio <= _FURTHEST)]
+    pairs, ratio = pairs[ratio <= _FURTHEST], ratio[ratio <= _FURTHEST]
+    pairs = pairs[np.argsort(ratio, kind="stable")]
     _, first = np.unique(pairs, return_index=True)
     listed = pairs.reshape(-1)[np.sort(first)][:_MOST]
     return np.sort(listed)

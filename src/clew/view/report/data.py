@@ -112,6 +112,10 @@ def _closure(closure: Closure) -> dict[str, object]:
         "rms": _number(closure.rms),
         "contradiction": _number(closure.contradiction),
         "innovation": _rounded(closure.innovation),
+        "seen_through": _number(closure.seen_through),
+        "rival": _number(closure.rival),
+        "distance": _number(closure.distance),
+        "supporters": closure.supporters,
     }
 
 

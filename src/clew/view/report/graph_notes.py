@@ -15,6 +15,7 @@ Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 
 CHI2_95 = {2: 5.991464547107979, 3: 7.814727903251179}  # squared distance that holds 95 %, by coordinates
+_NEAR = 20.0  # a squared residual of less is never unlikely: 1e-5 with one degree of freedom, more with several
 _UNLIKELY = 1e-6  # chance of so large a residual anywhere in the graph, below which it is worth a look
 _DOUBTED = 0.5  # robust weight below which a measurement is hardly believed
 _MANY = 0.02  # share of measurements of one kind that are doubted, above which it is worth a look
@@ -64,7 +65,9 @@ def misfits(residuals: FactorResiduals, place: Index, scene: Scene) -> list[Note
     notes = []
     share = residuals.squared / np.maximum(residuals.dim, 1)
     doubted = residuals.weight < _DOUBTED
-    unlikely = ~doubted & (residuals.chance < _UNLIKELY / max(len(residuals), 1))
+    unlikely = ~doubted & (residuals.squared > _NEAR)
+    if unlikely.any():  # most graphs are spared the import that chances need
+        unlikely &= residuals.chance < _UNLIKELY / max(len(residuals), 1)
     for role in (Role.LOOP, Role.OBSERVATION, Role.ODOMETRY):
         mine = np.flatnonzero(doubted & residuals.of_role(role))
         if len(mine):
