@@ -219,7 +219,6 @@ WORLDS = {
     "dense": (150, 1.0, SightingModel()),
     "clutter": (60, 1.0, SightingModel(false=0.5)),
     "many missed": (60, 1.0, SightingModel(missed=0.5)),
-    "crowded pairs": (150, 0.5, SightingModel(sigma_range=0.1, sigma_bearing=np.radians(2.0))),
 }
 
 
