@@ -62,7 +62,7 @@ def test_every_kernel_method_and_guess_is_explained() -> None:
     assert len(kernels) >= 7
     for name in kernels:
         assert f"`{name}`" in choosing
-    optimize: Any = typer.main.get_command(app).commands["optimize"]  # type: ignore[attr-defined]
+    optimize: Any = typer.main.get_command(app).commands["optimize"]  # type: ignore[attr-defined]  # a group has commands
     for option in optimize.params:
         if option.name in ("method", "init"):
             for choice in option.type.choices:
@@ -71,5 +71,5 @@ def test_every_kernel_method_and_guess_is_explained() -> None:
 
 def test_every_command_is_on_its_page() -> None:
     page = (DOCS / "command-line.md").read_text()
-    for name in typer.main.get_command(app).commands:  # type: ignore[attr-defined]
+    for name in typer.main.get_command(app).commands:  # type: ignore[attr-defined]  # a group has commands
         assert f"`clew {name}" in page

@@ -171,7 +171,7 @@ def save_figure(figure: Figure, path: str | Path) -> None:
         InputError: the file cannot be written.
     """
     with atomic_write_binary(Path(path)) as file:
-        FigureCanvasAgg(figure).print_png(file, metadata={"Software": None})  # type: ignore[no-untyped-call]
+        FigureCanvasAgg(figure).print_png(file, metadata={"Software": None})  # type: ignore[no-untyped-call]  # matplotlib gives it no types
 
 
 def counted(number: int, noun: str) -> str:

@@ -115,9 +115,10 @@ def _covariances(
 
 
 def _landmarks(
-    solution: Solution, kind: type | None, graph: FactorGraph, names: dict[int, str], pose_kind: type
+    solution: Solution, kind: type | None, graph: FactorGraph, names: dict[int, str],
+    pose_kind: type[SE2] | type[SE3],
 ) -> tuple[Landmarks, Index]:
-    dim = pose_kind.space  # type: ignore[attr-defined]
+    dim = pose_kind.space
     none = np.zeros(0, np.int64)
     if kind is None:
         return Landmarks(np.zeros((0, dim)), None, (), none), none
