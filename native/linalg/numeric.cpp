@@ -49,9 +49,8 @@ bool all_finite(const double* x, int64_t n) {
 
 Numeric::Numeric(const Symbolic& symbolic, int threads, bool keep_updates)
     : symbolic_(symbolic), threads_(threads), keep_updates_(keep_updates),
-      schedule_(make_schedule(symbolic, threads, keep_updates)), kernels_(CLEW_DISPATCH(dense_kernels)()),
-      factor_(symbolic.factor_size), workspace_(schedule_.workspace_size),
-      scratch_(make_states<Scratch>(schedule_)), weakest_of_(symbolic.count()) {}
+      schedule_(make_schedule(symbolic, threads, keep_updates ? Updates::kKept : Updates::kTransient)),
+      kernels_(CLEW_DISPATCH(dense_kernels)()), storage_(schedule_.storage_size), scratch_(make_states<Scratch>(schedule_)), weakest_of_(symbolic.count()) {}
 
 Numeric::~Numeric() = default;
 
@@ -104,9 +103,8 @@ int32_t Numeric::factor_front(int32_t s, const double* values, const double* dam
     const Front& front = symbolic_.fronts[s];
     const Front& next = symbolic_.fronts[s + 1];
     double* d = scratch.square.data();
-    double* b = factor_.data() + front.b;
-    double* update = workspace_.data() + schedule_.update[s];
-    const double* workspace = workspace_.data();
+    double* b = storage_.data() + front.b;
+    double* update = storage_.data() + schedule_.update[s];
     const int32_t n = front.pivots;
 
     std::memset(d, 0, static_cast<size_t>(front.ld_d) * static_cast<size_t>(n) * sizeof(double));
@@ -131,7 +129,7 @@ int32_t Numeric::factor_front(int32_t s, const double* values, const double* dam
     for (int64_t q = front.children; q < next.children; ++q) {
         const int32_t c = symbolic_.children[q];
         const Front& child = symbolic_.fronts[c];
-        kernels_.add_to_panel(workspace + schedule_.update[c], child.ld_b, runs + child.runs,
+        kernels_.add_to_panel(storage_.data() + schedule_.update[c], child.ld_b, runs + child.runs,
                               runs + child.remaining_runs, runs + symbolic_.fronts[c + 1].runs, d, front.ld_d, b,
                               front.ld_b);
     }
@@ -145,7 +143,7 @@ int32_t Numeric::factor_front(int32_t s, const double* values, const double* dam
         if (ratio < weakest.ratio) weakest = {ratio, front.column + p};
     }
     weakest_of_[s] = weakest;
-    double* triangle = factor_.data() + front.d;
+    double* triangle = storage_.data() + front.d;
     for (int32_t p = 0; p < n; ++p) {
         const double* column = d + int64_t{p} * front.ld_d;
         triangle = std::copy(column + p, column + n, triangle);
@@ -162,7 +160,7 @@ int32_t Numeric::factor_front(int32_t s, const double* values, const double* dam
     for (int64_t q = front.children; q < next.children; ++q) {
         const int32_t c = symbolic_.children[q];
         const Front& child = symbolic_.fronts[c];
-        kernels_.add_to_update(workspace + schedule_.update[c], child.ld_b, runs + child.remaining_runs,
+        kernels_.add_to_update(storage_.data() + schedule_.update[c], child.ld_b, runs + child.remaining_runs,
                                runs + symbolic_.fronts[c + 1].runs, update, front.ld_b);
     }
     return -1;

@@ -58,7 +58,6 @@ public:
     int32_t failed_variable() const { return failed_variable_; }
     double weakest_ratio() const { return weakest_.ratio; }
     int32_t weakest_variable() const;
-    int64_t bytes() const { return (factor_.size() + workspace_.size()) * static_cast<int64_t>(sizeof(double)); }
 
 private:
     struct Scratch;
@@ -69,15 +68,15 @@ private:
     std::vector<std::unique_ptr<State>> make_states(const Schedule& schedule) const;
 
     const double* square(const Front& front, Scratch& scratch) const;  // D with leading dimension ld_d, in scratch
-    const double* d(const Front& front) const { return factor_.data() + front.d; }
-    const double* b(const Front& front) const { return factor_.data() + front.b; }
+    const double* d(const Front& front) const { return storage_.data() + front.d; }
+    const double* b(const Front& front) const { return storage_.data() + front.b; }
 
     const Symbolic& symbolic_;
     int threads_;
     bool keep_updates_;
     Schedule schedule_;
     const DenseKernels& kernels_;
-    Buffer factor_, workspace_;
+    Buffer storage_;  // the factor, and update matrices where the schedule puts them
     std::vector<std::unique_ptr<Scratch>> scratch_;  // kept: to touch fresh memory costs as much as a small factor
     std::vector<WeakestPivot> weakest_of_;  // (fronts)
     WeakestPivot weakest_;

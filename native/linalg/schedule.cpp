@@ -60,19 +60,32 @@ void split(const Symbolic& symbolic, int threads, Schedule& schedule) {
 // inverse), where lifetimes are mirrored.
 class Places {
 public:
-    explicit Places(int64_t base) : end_(base), peak_(base) {}
+    Places(int64_t begin, int64_t end) : end_(end) {
+        if (begin < end) gaps_.emplace(begin, end - begin);
+    }
 
-    int64_t take(int64_t size) {
+    // A place from `floor` on.
+    int64_t take(int64_t size, int64_t floor) {
         for (auto gap = gaps_.begin(); gap != gaps_.end(); ++gap) {
-            if (gap->second < size) continue;
-            const int64_t at = gap->first, left = gap->second - size;
+            const int64_t begin = gap->first, end = begin + gap->second, at = std::max(begin, floor);
+            if (end - at < size) continue;
             gaps_.erase(gap);
-            if (left > 0) gaps_.emplace(at + size, left);
+            if (at > begin) gaps_.emplace(begin, at - begin);
+            if (at + size < end) gaps_.emplace(at + size, end - at - size);
             return at;
         }
-        const int64_t at = end_;
-        end_ += size;
-        peak_ = std::max(peak_, end_);
+        // The last gap may reach to the end.
+        int64_t at = end_;
+        if (!gaps_.empty()) {
+            const auto last = std::prev(gaps_.end());
+            const int64_t begin = last->first;
+            if (begin + last->second == end_) {
+                at = std::max(begin, std::min(floor, end_));
+                gaps_.erase(last);
+                if (at > begin) gaps_.emplace(begin, at - begin);
+            }
+        }
+        end_ = at + size;
         return at;
     }
 
@@ -89,58 +102,63 @@ public:
             size += after->second;
             gaps_.erase(after);
         }
-        if (at + size == end_) end_ = at;
-        else gaps_.emplace(at, size);
+        gaps_.emplace(at, size);
     }
 
-    int64_t peak() const { return peak_; }
+    // Where the storage ends: beyond everything that was ever taken.
+    int64_t end() const { return end_; }
 
 private:
     std::map<int64_t, int64_t> gaps_;  // place -> size
-    int64_t end_, peak_;
+    int64_t end_;
 };
 
-// Places for the update matrices of some fronts; those of their children that are marked in `own` are given back.
+// Places for the update matrices of some fronts; those of their children that are marked in `own` are given back. With
+// `in_factor`, panels of fronts that come after the parent are taken as well.
 template <class Fronts>
-void place_updates(const Symbolic& symbolic, const Fronts& fronts, const std::vector<bool>& own, Schedule& schedule) {
-    Places places(schedule.workspace_size);
+void place_updates(const Symbolic& symbolic, const Fronts& fronts, const std::vector<bool>& own, bool in_factor,
+                   Schedule& schedule) {
+    Places places(in_factor ? 0 : schedule.storage_size, schedule.storage_size);
     for (int32_t s : fronts) {
         const Front& front = symbolic.fronts[s];
-        schedule.update[s] = places.take(update_size(front));
+        const int64_t floor = in_factor && front.parent != -1 ? symbolic.fronts[front.parent + 1].d : 0;
+        schedule.update[s] = places.take(update_size(front), floor);
         for (int64_t q = front.children; q < symbolic.fronts[s + 1].children; ++q) {
             const int32_t child = symbolic.children[q];
             if (own[child]) places.give_back(schedule.update[child], update_size(symbolic.fronts[child]));
         }
     }
-    schedule.workspace_size = places.peak();
+    schedule.storage_size = places.end();
 }
 
-void place_updates(const Symbolic& symbolic, Schedule& schedule) {
+void place_updates(const Symbolic& symbolic, bool in_factor, Schedule& schedule) {
     std::vector<bool> own(symbolic.count(), false);
     for (const Task& task : schedule.tasks) {
         std::vector<int32_t> fronts(task.end - task.begin);
         std::iota(fronts.begin(), fronts.end(), task.begin);
         for (int32_t s : fronts) own[s] = true;
-        place_updates(symbolic, fronts, own, schedule);
+        place_updates(symbolic, fronts, own, in_factor, schedule);
     }
     own.assign(symbolic.count(), false);  // roots of tasks stay where they are
     for (int32_t s : schedule.top) own[s] = true;
-    place_updates(symbolic, schedule.top, own, schedule);
+    place_updates(symbolic, schedule.top, own, false, schedule);
 }
 
 }  // namespace
 
-Schedule make_schedule(const Symbolic& symbolic, int threads, bool keep_updates) {
+Schedule make_schedule(const Symbolic& symbolic, int threads, Updates updates) {
     Schedule schedule;
     split(symbolic, threads, schedule);
     schedule.update.assign(symbolic.count(), 0);
-    if (keep_updates) {
+    schedule.storage_size = updates == Updates::kApart ? 0 : symbolic.factor_size;
+    if (updates == Updates::kKept) {
         for (int32_t s = 0; s < symbolic.count(); ++s) {
-            schedule.update[s] = schedule.workspace_size;
-            schedule.workspace_size += update_size(symbolic.fronts[s]);
+            schedule.update[s] = schedule.storage_size;
+            schedule.storage_size += update_size(symbolic.fronts[s]);
         }
     } else {
-        place_updates(symbolic, schedule);
+        const bool one_task = schedule.top.empty() && schedule.tasks.size() == 1;
+        place_updates(symbolic, updates == Updates::kTransient && one_task, schedule);
     }
     return schedule;
 }
