@@ -1,6 +1,7 @@
 #include "linalg/schedule.hpp"
 
 #include <algorithm>
+#include <limits>
 #include <map>
 #include <numeric>
 
@@ -11,48 +12,66 @@ namespace clew::linalg {
 namespace {
 
 constexpr double kWorthThreads = 2e7;  // flops below which starting threads costs more than it saves
+constexpr double kShared = 0.6;        // share of a thread by which each more of them speeds a front of the top up
+constexpr int64_t kSmall = 4096;       // doubles of an update matrix that cache holds beside a front
 
 int64_t update_size(const Front& front) { return (update_matrix_size(front.updates, front.ld_b) + 7) / 8 * 8; }
 
-// Cuts the tree into subtrees of at most a fraction of the work; what lies above is the top.
+// Time until the last of some threads is done, who take the largest task that is left whenever they are free.
+double makespan(const std::vector<double>& largest_first, int threads) {
+    std::vector<double> busy(threads, 0);
+    for (double work : largest_first) *std::min_element(busy.begin(), busy.end()) += work;
+    return *std::max_element(busy.begin(), busy.end());
+}
+
+// Cuts the tree into subtrees; what lies above is the top, whose fronts come one after the other and are shared. The
+// largest subtree is opened again and again, and the cut taken that promises the earliest end.
 void split(const Symbolic& symbolic, int threads, Schedule& schedule) {
     const int32_t count = symbolic.count();
+    if (threads == 1 || symbolic.flops < kWorthThreads) {
+        if (count > 0) schedule.tasks.push_back({0, count});
+        return;
+    }
     std::vector<double> work(count, 0);
     std::vector<int32_t> begin(count);
+    std::vector<int32_t> open;  // roots of subtrees, largest first
+    const auto larger = [&](int32_t a, int32_t b) { return work[a] != work[b] ? work[a] > work[b] : a < b; };
     for (int32_t s = 0; s < count; ++s) begin[s] = s;
-    std::vector<int32_t> roots;
     for (int32_t s = 0; s < count; ++s) {
         const Front& front = symbolic.fronts[s];
         work[s] += front.flops;
         if (front.parent == -1) {
-            roots.push_back(s);
+            open.push_back(s);
             continue;
         }
         work[front.parent] += work[s];
         begin[front.parent] = std::min(begin[front.parent], begin[s]);
     }
-    if (threads == 1 || symbolic.flops < kWorthThreads) {
-        if (count > 0) schedule.tasks.push_back({0, count});
-        return;
-    }
-    const double limit = symbolic.flops / (8.0 * threads);
-    while (!roots.empty()) {
-        const int32_t s = roots.back();
-        roots.pop_back();
-        if (work[s] <= limit) {
-            schedule.tasks.push_back({begin[s], s + 1});
-            continue;
+    std::sort(open.begin(), open.end(), larger);
+    double top_time = 0, best_time = std::numeric_limits<double>::infinity();
+    std::vector<int32_t> top, best_top, best_open;
+    while (!open.empty()) {
+        std::vector<double> sizes;
+        for (int32_t s : open) sizes.push_back(work[s]);
+        const double time = makespan(sizes, threads) + top_time;
+        if (time < best_time) {
+            best_time = time;
+            best_top = top;
+            best_open = open;
         }
-        schedule.top.push_back(s);
+        const int32_t s = open.front();
+        if (top_time > best_time || work[s] < symbolic.flops / (32.0 * threads)) break;
+        open.erase(open.begin());
+        top.push_back(s);
+        top_time += symbolic.fronts[s].flops / (1 + kShared * (threads - 1));
         for (int64_t q = symbolic.fronts[s].children; q < symbolic.fronts[s + 1].children; ++q) {
-            roots.push_back(symbolic.children[q]);
+            const int32_t child = symbolic.children[q];
+            open.insert(std::lower_bound(open.begin(), open.end(), child, larger), child);
         }
     }
+    schedule.top = best_top;
     std::sort(schedule.top.begin(), schedule.top.end());
-    std::sort(schedule.tasks.begin(), schedule.tasks.end(), [&](const Task& a, const Task& b) {
-        const double work_a = work[a.end - 1], work_b = work[b.end - 1];
-        return work_a != work_b ? work_a > work_b : a.begin < b.begin;
-    });
+    for (int32_t s : best_open) schedule.tasks.push_back({begin[s], s + 1});
 }
 
 // Storage of which pieces are taken and given back: the lowest gap that is large enough. All lifetimes are known
@@ -114,21 +133,29 @@ private:
 };
 
 // Places for the update matrices of some fronts; those of their children that are marked in `own` are given back. With
-// `in_factor`, panels of fronts that come after the parent are taken as well.
+// `in_factor`, large ones are put into panels of fronts that come after the parent. Small ones share few places that stay
+// in cache.
 template <class Fronts>
 void place_updates(const Symbolic& symbolic, const Fronts& fronts, const std::vector<bool>& own, bool in_factor,
                    Schedule& schedule) {
-    Places places(in_factor ? 0 : schedule.storage_size, schedule.storage_size);
+    Places far(in_factor ? 0 : schedule.storage_size, schedule.storage_size), near(0, 0);
+    std::vector<int32_t> small;
+    const auto places_of = [&](int32_t s) -> Places& {
+        return in_factor && update_size(symbolic.fronts[s]) < kSmall ? near : far;
+    };
     for (int32_t s : fronts) {
         const Front& front = symbolic.fronts[s];
-        const int64_t floor = in_factor && front.parent != -1 ? symbolic.fronts[front.parent + 1].d : 0;
-        schedule.update[s] = places.take(update_size(front), floor);
+        Places& places = places_of(s);
+        const bool far_away = in_factor && &places == &far && front.parent != -1;
+        schedule.update[s] = places.take(update_size(front), far_away ? symbolic.fronts[front.parent + 1].d : 0);
+        if (&places == &near) small.push_back(s);
         for (int64_t q = front.children; q < symbolic.fronts[s + 1].children; ++q) {
             const int32_t child = symbolic.children[q];
-            if (own[child]) places.give_back(schedule.update[child], update_size(symbolic.fronts[child]));
+            if (own[child]) places_of(child).give_back(schedule.update[child], update_size(symbolic.fronts[child]));
         }
     }
-    schedule.storage_size = places.end();
+    for (int32_t s : small) schedule.update[s] += far.end();
+    schedule.storage_size = far.end() + near.end();
 }
 
 void place_updates(const Symbolic& symbolic, bool in_factor, Schedule& schedule) {

@@ -166,8 +166,9 @@ void Numeric::inverse_blocks(const std::vector<InverseBlock>& wanted, double* ou
     };
     const auto states = make_states<InverseFront>(schedule);
     for (auto s = schedule.top.rbegin(); s != schedule.top.rend(); ++s) visit(*s, *states[0]);
-    for_each_task(schedule, states, [&](size_t t, InverseFront& inverse) {
-        for (int32_t s = schedule.tasks[t].end - 1; s >= schedule.tasks[t].begin; --s) visit(s, inverse);
+    Team team(states.size());
+    team.run(schedule.tasks.size(), [&](size_t t, size_t worker) {
+        for (int32_t s = schedule.tasks[t].end - 1; s >= schedule.tasks[t].begin; --s) visit(s, *states[worker]);
     });
 }
 
