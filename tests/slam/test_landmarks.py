@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -76,6 +77,17 @@ def test_trajectory_landmarks_and_calibration(log: SightingLog, tmp_path: Path) 
     again = optimize(read_graph(tmp_path / "graph.g2o").graph, init="file")
     drift = again.values(SE2).array[:, :2] - robot.T_world_robot[:, :2]
     assert np.linalg.norm(drift, axis=1).max() < 0.05
+
+
+def test_the_plain_graph_rests_at_the_solution_in_spite_of_outliers(log: SightingLog) -> None:
+    bearing = log.landmarks.bearing.copy()
+    bearing[::40] = wrap(bearing[::40] + 1.5)
+    seen = Sightings(log.landmarks.timestamp, log.landmarks.identity, log.landmarks.range, bearing)
+    found = map_landmarks([replace(log, landmarks=seen)])
+    again = optimize(found.graph, init="file")
+    assert again.chi2 > 0.98 * again.chi2_initial
+    moved = again.values(SE2).array[:, :2] - found.robots[0].T_world_robot[:, :2]
+    assert np.linalg.norm(moved, axis=1).max() < 0.01
 
 
 def test_two_robots_are_one_map(log: SightingLog) -> None:

@@ -24,6 +24,11 @@ class PreintegratedMotion(Measured):
     integrated again (Forster et al. 2017, "On-manifold preintegration", section VI-D, in the plane).
 
     Residual: ``local(z(p), a^-1 b)``. Measurement: ``(x, y, theta)``, then ``J`` row by row, then the reference.
+
+    One parameter may be the unit of the readings: the robot goes ``1 + p_unit`` metres for each that it reads. Noise is
+    then in that unit, too, and the translation of the residual is divided by ``(1 + p_unit) / (1 + reference_unit)``.
+    Without that a map whose scale is not known would come out too small, for in a smaller one all errors of the
+    odometry are smaller.
     """
 
     def __init__(
@@ -35,6 +40,7 @@ class PreintegratedMotion(Measured):
         by_parameter: ArrayLike,
         reference: ArrayLike,
         *,
+        unit: int | None = None,
         sigmas: ArrayLike | None = None,
         information: ArrayLike | None = None,
         covariance: ArrayLike | None = None,
@@ -50,6 +56,7 @@ class PreintegratedMotion(Measured):
             motion: ``(M, 3)`` motion at the reference.
             by_parameter: ``(M, 3, 2 P)`` its derivative, in the tangent of `retract` at the motion.
             reference: ``(2 P,)`` parameters at which it was integrated, or ``(M, 2 P)``.
+            unit: which of the ``2 P`` parameters is the unit of the readings, if one is.
             sigmas: standard deviations, ``(3,)`` or ``(M, 3)``.
             information: or information matrices.
             covariance: or covariance matrices.
@@ -69,6 +76,9 @@ class PreintegratedMotion(Measured):
                 f"{what}: {len(parameters)} points of parameters need derivatives (M, 3, {width}) with M > 0, "
                 f"got {slopes.shape}"
             )
+        if unit is not None and not 0 <= unit < width:
+            raise InputError(f"{what}: unit is {unit}; there are {width} parameters, counted from 0")
+        self.unit = unit
         slopes = read_numbers(slopes.reshape(-1, 3 * width), 3 * width, f"{what}: by_parameter")
         at = np.atleast_2d(read_numbers(reference, width, f"{what}: reference"))
         count = max(len(rows), len(slopes), len(at))
@@ -90,10 +100,20 @@ class PreintegratedMotion(Measured):
         turned[:, :2] = so2.matrix(-delta[:, 2:]) @ slopes[:, :2]
         return se2.retract(measurement[:, :3], delta), turned
 
+    def _rescaling(self, parameters: tuple[Array, ...], measurement: Array) -> tuple[Array, Array]:
+        """What translations are multiplied by, and its derivative by the unit, over itself; ``(M,)`` each."""
+        if self.unit is None:
+            return np.ones(len(measurement)), np.zeros(len(measurement))
+        unit = 1.0 + np.concatenate(parameters, axis=1)[:, self.unit]
+        reference = 1.0 + measurement[:, 3 + 6 * len(parameters) + self.unit]
+        return reference / unit, -1.0 / unit
+
     def residual(self, *values: Array, measurement: Array) -> Array:
-        """``local(z(p), a^-1 b)``, ``(M, 3)``."""
+        """``local(z(p), a^-1 b)``, ``(M, 3)``, its translation in the unit of the readings."""
         motion, _ = self._parts(values[2:], measurement)
-        return se2.local(motion, se2.between(values[0], values[1]))
+        error = se2.local(motion, se2.between(values[0], values[1]))
+        error[:, :2] *= self._rescaling(values[2:], measurement)[0][:, None]
+        return error
 
     def jacobians(self, *values: Array, measurement: Array) -> tuple[Array, ...]:
         """``(M, 3, 3)`` by both poses, ``(M, 3, 2)`` by each point of parameters."""
@@ -101,5 +121,11 @@ class PreintegratedMotion(Measured):
         relative = se2.between(values[0], values[1])
         by_motion, by_b = se2.local_jacobians(motion, relative)
         by_all = by_motion @ by_parameter
+        factor, slope = self._rescaling(values[2:], measurement)
+        by_b[:, :2] *= factor[:, None, None]
+        by_all[:, :2] *= factor[:, None, None]
+        if self.unit is not None:
+            error = se2.local(motion, relative)[:, :2]
+            by_all[:, :2, self.unit] += error * (factor * slope)[:, None]
         by_points = [by_all[:, :, k : k + 2] for k in range(0, by_all.shape[2], 2)]
         return -by_b @ se2.adjoint(se2.inverse(relative)), by_b, *by_points

@@ -58,7 +58,7 @@ def build_graph(
     for track, model in zip(tracks, models, strict=True):
         keys = track.calibration_keys
         graph.add_point(model.calibration.points, key=keys)
-        graph.add(Prior(keys, Point2.from_array(np.zeros((5, 2))), sigmas=PRIOR.points))
+        graph.add(Prior(keys, Point2.from_array(np.zeros((6, 2))), sigmas=PRIOR.points))
         motion, sources = track.motion_factor(model)
         seen, mates = track.log.landmarks, track.log.robots
         sightings = track.sighting_factors(seen, seen.identity, model.landmarks)

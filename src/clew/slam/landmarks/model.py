@@ -17,12 +17,14 @@ class Calibration:
     """Deviations of a robot's odometry and camera from what they claim, all of them zero at first.
 
     The whole map can be scaled together with speeds and ranges, so one of the two has to be believed: the ranges, on
-    the average over all bearings that occur; see `SCALE_UNCERTAINTY`.
+    the average over all sightings, whatever their bearing and range; see `SCALE_UNCERTAINTY`.
 
     Attributes:
         speed_scale, turn_scale: share by which the robot is faster, and turns faster, than the odometry says.
         turn_bias: radians a second that it turns while it drives straight on.
         delay: seconds by which the motion lags behind the odometry's time stamps.
+        range_scale: share by which this camera's ranges are too long on the average.
+        range_offset: metres that are added to every range, beside what that changes on the average.
         range_slope, range_curve: how the share by which ranges are too long changes with the bearing and its square,
             1/radian, 1/radian^2.
         bearing_offset: radians by which bearings are too large: the camera's mounting.
@@ -34,6 +36,8 @@ class Calibration:
     turn_scale: float = 0.0
     turn_bias: float = 0.0
     delay: float = 0.0
+    range_scale: float = 0.0
+    range_offset: float = 0.0
     range_slope: float = 0.0
     range_curve: float = 0.0
     bearing_offset: float = 0.0
@@ -43,12 +47,12 @@ class Calibration:
 
     @property
     def points(self) -> Array:
-        """``(5, 2)`` the values as they are in the graph, two a variable."""
-        return np.array(list(asdict(self).values())).reshape(5, 2)
+        """``(6, 2)`` the values as they are in the graph, two a variable."""
+        return np.array(list(asdict(self).values())).reshape(6, 2)
 
     @classmethod
     def from_points(cls, points: Array) -> Calibration:
-        """From ``(5, 2)`` values."""
+        """From ``(6, 2)`` values."""
         return cls(*points.reshape(-1).tolist())
 
 
@@ -56,7 +60,7 @@ class Calibration:
 SCALE_UNCERTAINTY = 0.01
 
 #: Deviations that are to be expected, in the order of the fields; wide but for the scale of the ranges.
-PRIOR = Calibration(0.2, 0.2, 0.02, 0.2, 0.3, 0.5, 0.1, 0.1, 0.1, 0.05)
+PRIOR = Calibration(0.2, 0.2, 0.02, 0.2, 0.01, 0.1, 0.3, 0.5, 0.1, 0.1, 0.1, 0.05)
 
 
 @dataclass(frozen=True)

@@ -36,14 +36,13 @@ class RobotTrack:
     Attributes:
         log: what the robot recorded.
         timestamps: ``(N,)`` of the keyframes, seconds.
-        mean_bearing, mean_square: averages over the sightings, each weighed with its range; `Calibration` counts
-            from them.
+        means: ``(3,)`` averages of the bearing, its square and the inverse range over the sightings, each weighed
+            with its range; `Calibration` counts from them.
     """
 
     log: SightingLog
     timestamps: Array
-    mean_bearing: float
-    mean_square: float
+    means: Array
 
     @property
     def keys(self) -> Indices:
@@ -52,8 +51,8 @@ class RobotTrack:
 
     @property
     def calibration_keys(self) -> list[int]:
-        """Keys of the five points of parameters of `Calibration.points`."""
-        return [self.log.robot * KEYS_A_ROBOT + _CALIBRATION_KEYS + k for k in range(5)]
+        """Keys of the six points of parameters of `Calibration.points`."""
+        return [self.log.robot * KEYS_A_ROBOT + _CALIBRATION_KEYS + k for k in range(6)]
 
     def until(self, timestamp: float) -> RobotTrack:
         """The part up to a time."""
@@ -62,22 +61,27 @@ class RobotTrack:
             self.log.path, self.log.robot, self.log.odometry, seen.take(seen.timestamp <= timestamp),
             self.log.robots.take(self.log.robots.timestamp <= timestamp), self.log.truth, self.log.report,
         )  # fmt: skip
-        return RobotTrack(log, self.timestamps[self.timestamps <= timestamp], self.mean_bearing, self.mean_square)
+        return RobotTrack(log, self.timestamps[self.timestamps <= timestamp], self.means)
 
     def rows(self, seen: Sightings) -> Indices:
         """Keyframe ``(K,)`` of each sighting."""
         return np.searchsorted(self.timestamps, seen.timestamp)
 
-    def basis(self, seen: Sightings) -> tuple[Array, Array]:
-        """``f_1`` and ``f_2`` ``(K,)`` of `clew.factors.CalibratedRange`."""
-        return seen.bearing - self.mean_bearing, seen.bearing**2 - self.mean_square
+    def range_basis(self, seen: Sightings) -> Array:
+        """``f_1``, ``f_2`` and ``f_3`` ``(K, 3)`` of `clew.factors.CalibratedRange`."""
+        offsets = _functions(seen.bearing) - self.means[:2]
+        return np.column_stack([offsets, np.full(len(seen), self.means[2])])
 
     def corrected(self, seen: Sightings, calibration: Calibration) -> tuple[Array, Array]:
         """Range and bearing ``(K,)`` from the camera that a perfect one would have measured."""
-        c, (f1, f2) = calibration, self.basis(seen)
-        stretch = 1.0 + c.range_slope * f1 + c.range_curve * f2
-        bearing = seen.bearing - c.bearing_offset - c.bearing_slope * f1 - c.bearing_curve * f2
-        return seen.range / stretch, wrap(bearing)
+        c, (f1, f2, f3) = calibration, self.range_basis(seen).T
+        stretch = 1.0 + c.range_scale + c.range_slope * f1 + c.range_curve * f2 - c.range_offset * f3
+        bearing = seen.bearing
+        for _ in range(3):  # Newton's method; the distortion is mild
+            moved = c.bearing_offset + (_functions(bearing) - self.means[:2]) @ [c.bearing_slope, c.bearing_curve]
+            slope = 1.0 + c.bearing_slope + 2.0 * c.bearing_curve * bearing
+            bearing = bearing - (bearing + moved - seen.bearing) / slope
+        return (seen.range - c.range_offset) / stretch, wrap(bearing)
 
     def points(self, seen: Sightings, calibration: Calibration) -> Array:
         """What was seen ``(K, 2)``, in the frame of the robot at the time."""
@@ -129,7 +133,7 @@ class RobotTrack:
         first, second, *_ = self.calibration_keys
         factor = PreintegratedMotion(
             keys[:-1], keys[1:], (first, second), whole.motion, by_parameter,
-            model.calibration.points[:2].reshape(-1), covariance=covariance,
+            model.calibration.points[:2].reshape(-1), unit=0, covariance=covariance,
         )  # fmt: skip
         return factor, sources
 
@@ -142,16 +146,15 @@ class RobotTrack:
         with ``c^2 = n + 1``, all of it divided by the number of sightings that count as one.
         """
         keys, parameters = self.keys[self.rows(seen)], self.calibration_keys
-        f1, f2 = self.basis(seen)
         parts = (
-            (CalibratedRange, (2, 4), seen.range, noise.range, noise.range_repeats),
-            (CalibratedBearing, (3, 4), seen.bearing, noise.bearing, noise.bearing_repeats),
+            (CalibratedRange, (2, 3, 5), seen.range, self.range_basis(seen), noise.range, noise.range_repeats),
+            (CalibratedBearing, (4, 5), seen.bearing, self.means[:2], noise.bearing, noise.bearing_repeats),
         )
         ranges, bearings = (
-            factor(keys, target, [parameters[k] for k in points], measured, f1, f2, sees=sees,
+            factor(keys, target, [parameters[k] for k in points], measured, basis, sees=sees,
                    sigmas=scale * np.sqrt(repeats * TAIL / (TAIL + 1.0)),
                    kernel=Cauchy(np.sqrt((TAIL + 1.0) / repeats)))
-            for factor, points, measured, scale, repeats in parts
+            for factor, points, measured, basis, scale, repeats in parts
         )  # fmt: skip
         return ranges, bearings
 
@@ -207,7 +210,12 @@ def _make_track(log: SightingLog, mates: Mapping[int, Sightings]) -> RobotTrack:
     # times of sightings must be found again exactly
     frames[np.append(np.cumsum(parts) - parts, len(start))] = stamps
     weight = seen.range / seen.range.sum()
-    return RobotTrack(log, np.unique(frames), float(weight @ seen.bearing), float(weight @ seen.bearing**2))
+    means = np.append(weight @ _functions(seen.bearing), len(seen) / seen.range.sum())
+    return RobotTrack(log, np.unique(frames), means)
+
+
+def _functions(bearing: Array) -> Array:
+    return np.stack([bearing, bearing**2], axis=1)
 
 
 def keys_of(tracks: Sequence[RobotTrack], robot: Indices, timestamps: Array) -> Indices:
