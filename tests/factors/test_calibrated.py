@@ -27,7 +27,7 @@ def preintegrated(slopes: np.ndarray = SLOPES, unit: int | None = None) -> Prein
 def test_laws_of_sightings(sees: type) -> None:
     keys = (FIRST + 100, FIRST + 200, FIRST + 300)
     check_factor(CalibratedRange(FIRST, FIRST + 50, keys, RANGES, BASIS, sees=sees, sigmas=0.1))
-    check_factor(CalibratedBearing(FIRST, FIRST + 50, keys[:2], BEARINGS, BASIS[:, :2], sees=sees, sigmas=0.1))
+    check_factor(CalibratedBearing(FIRST, FIRST + 50, keys, BEARINGS, BASIS, sees=sees, sigmas=0.1))
 
 
 def test_an_offset_changes_nothing_at_the_range_that_it_counts_from() -> None:
@@ -40,10 +40,11 @@ def test_an_offset_changes_nothing_at_the_range_that_it_counts_from() -> None:
 
 def test_the_distortion_is_that_of_the_true_direction() -> None:
     q = np.array([[1.0, np.tan(0.3)], [1.0, np.tan(-0.5)]])
-    factor = CalibratedBearing(FIRST[:2], FIRST[:2], [FIRST[:2]] * 2, [0.3, -0.5], [0.1, 0.2], sigmas=1.0)
-    error = factor.residual(np.zeros((2, 3)), q, np.full((2, 2), [0.02, 0.1]), np.full((2, 2), [0.2, 0.0]),
-                            measurement=factor.measurement)  # fmt: skip
-    np.testing.assert_allclose(error[:, 0], [0.02 + 0.1 * 0.2 + 0.2 * -0.11, 0.02 - 0.1 * 0.6 + 0.2 * 0.05])
+    factor = CalibratedBearing(FIRST[:2], FIRST[:2], [FIRST[:2]] * 3, [0.3, -0.5], [0.1, 0.2, 0.0], sigmas=1.0)
+    error = factor.residual(np.zeros((2, 3)), q, np.full((2, 2), [0.02, 0.1]), np.full((2, 2), [0.2, 1.0]),
+                            np.zeros((2, 2)), measurement=factor.measurement)  # fmt: skip
+    expected = [0.02 + 0.1 * 0.2 + 0.2 * -0.11 + 0.027, 0.02 - 0.1 * 0.6 + 0.2 * 0.05 - 0.125]
+    np.testing.assert_allclose(error[:, 0], expected)
 
 
 def test_laws_of_the_motion() -> None:
@@ -52,18 +53,20 @@ def test_laws_of_the_motion() -> None:
 
 
 def test_a_map_in_another_unit_costs_the_same() -> None:
-    """Straight drives whose speed is scaled by the unit: motion, poses and unit scaled together, the error stays."""
+    """Straight drives, a second parameter that changes their speed: poses and unit scaled together, the error stays."""
     step = np.column_stack([RNG.uniform(0.5, 1.0, COUNT), np.zeros((COUNT, 2))])
     slopes = np.zeros((COUNT, 3, 2))
-    slopes[:, 0, 0] = step[:, 0]
+    slopes[:, 0, 1] = step[:, 0]
     factor = PreintegratedMotion(FIRST, FIRST, (FIRST,), step, slopes, np.zeros(2), unit=0, sigmas=0.1)
     errors = []
     for scale in (1.0, 1.3):
-        there = np.column_stack([scale * (step[:, 0] + 0.1), np.full(COUNT, 0.05 * scale), np.full(COUNT, 0.2)])
-        errors.append(factor.residual(np.zeros((COUNT, 3)), there, np.full((COUNT, 2), [scale - 1.0, 0.0]),
+        there = np.column_stack([scale * (1.2 * step[:, 0] + 0.1), np.full(COUNT, 0.05 * scale), np.full(COUNT, 0.2)])
+        errors.append(factor.residual(np.zeros((COUNT, 3)), there, np.full((COUNT, 2), [scale - 1.0, 0.2]),
                                       measurement=factor.measurement))  # fmt: skip
     np.testing.assert_allclose(*errors, atol=1e-12)
     np.testing.assert_allclose(errors[0], np.full((COUNT, 3), [0.1, 0.05, 0.2]), atol=1e-12)
+    metres = factor.motion_at(np.full((COUNT, 2), [0.3, 0.2]))
+    np.testing.assert_allclose(metres[:, 0], 1.3 * 1.2 * step[:, 0])
 
 
 def test_without_deviations_they_are_the_plain_factors() -> None:
@@ -72,7 +75,7 @@ def test_without_deviations_they_are_the_plain_factors() -> None:
     pairs = [
         (CalibratedRange(FIRST, FIRST, [FIRST] * 3, RANGES, BASIS, sigmas=1.0),
          Range(FIRST, FIRST, RANGES, sigmas=1.0)),
-        (CalibratedBearing(FIRST, FIRST, [FIRST] * 2, BEARINGS, BASIS[:, :2], sigmas=1.0),
+        (CalibratedBearing(FIRST, FIRST, [FIRST] * 3, BEARINGS, BASIS, sigmas=1.0),
          Bearing(FIRST, FIRST, BEARINGS, sigmas=1.0)),
     ]  # fmt: skip
     for mine, plain in pairs:
@@ -97,4 +100,4 @@ def test_bad_input_is_named() -> None:
     with pytest.raises(InputError, match="unit is 4"):
         preintegrated(unit=4)
     with pytest.raises(InputError, match="sees"):
-        CalibratedBearing(0, 1, (2, 3), 1.0, np.zeros(2), sees=int, sigmas=1.0)
+        CalibratedBearing(0, 1, (2, 3, 4), 1.0, np.zeros(3), sees=int, sigmas=1.0)

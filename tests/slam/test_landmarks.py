@@ -115,13 +115,13 @@ def test_robots_without_common_landmarks_are_refused(log: SightingLog) -> None:
 
 def test_repeats_of_a_first_order_process() -> None:
     rng = np.random.default_rng(5)
-    count, correlation = 20_000, 0.6
+    count, correlation = 60_000, 0.6
     error = np.zeros(count)
     for k in range(1, count):
         error[k] = correlation * error[k - 1] + rng.standard_normal()
-    seen = Sightings(0.1 * np.arange(count), np.full(count, 6), np.ones(count), np.zeros(count))
-    assert repeats(seen, error) == pytest.approx((1 + correlation) / (1 - correlation), rel=0.1)
-    assert repeats(seen, rng.standard_normal(count)) < 1.05
+    seen = Sightings(0.5 * np.arange(count), np.full(count, 6), np.ones(count), np.zeros(count))
+    assert repeats(seen, error) == pytest.approx((1 + correlation) / (1 - correlation), rel=0.15)
+    assert repeats(seen, rng.standard_normal(count)) < 1.2
 
 
 def test_unknown_landmarks_of_a_simulated_world() -> None:

@@ -28,8 +28,8 @@ class CalibratedSighting(Measured):
     """Base of `CalibratedRange` and `CalibratedBearing`.
 
     Keys: the robot's pose; what was seen, a landmark (`Point2`) or another robot (`SE2`); points of parameters, the
-    last of which is ``(bearing curve, forward)``. ``q`` is what was seen, from `forward` metres ahead of the robot's
-    centre: ``q = R^T (p - t) - (forward, 0)``. Measurement: the number measured, then ``f_1``, ``f_2`` and so on.
+    last of which is the sensor's place on the robot, ``(forward, left)`` of its centre. ``q`` is what was seen, from
+    there: ``q = R^T (p - t) - (forward, left)``. Measurement: the number measured, then ``f_1``, ``f_2`` and so on.
     """
 
     _parameters: int
@@ -87,11 +87,11 @@ class CalibratedSighting(Measured):
 
     @abstractmethod
     def _derivatives(self, q: Array, *parameters: Array, measurement: Array) -> tuple[Array, ...]:
-        """``(M, 1, 2)`` by ``q`` and by each point of parameters, `forward` left to the caller."""
+        """``(M, 1, 2)`` by ``q`` and by each point of parameters but the last."""
 
-    def _view(self, pose: Array, target: Array, last: Array) -> Array:
-        q = se2.act(se2.inverse(pose), target[:, :2])
-        return np.stack([q[:, 0] - last[:, 1], q[:, 1]], axis=1)
+    def _view(self, pose: Array, target: Array, mounted: Array) -> Array:
+        seen: Array = se2.act(se2.inverse(pose), target[:, :2]) - mounted
+        return seen
 
     def residual(self, *values: Array, measurement: Array) -> Array:
         """Predicted minus measured, ``(M, 1)``."""
@@ -103,22 +103,20 @@ class CalibratedSighting(Measured):
         pose, target, *parameters = values
         q = self._view(pose, target, parameters[-1])
         by_q, *by_parameters = self._derivatives(q, *parameters, measurement=measurement)
-        robot = np.stack([q[:, 0] + parameters[-1][:, 1], q[:, 1]], axis=1)
+        robot = q + parameters[-1]
         turned = np.stack([robot[:, 1], -robot[:, 0]], axis=1)[:, :, None]
         by_pose = np.concatenate([-by_q, by_q @ turned], axis=2)
         by_target = by_q @ so2.matrix(-pose[:, 2:])
         if target.shape[1] == 3:  # a pose moves in its own frame, and its heading does not matter
             by_target = np.concatenate([by_target @ so2.matrix(target[:, 2:]), np.zeros((len(q), 1, 1))], axis=2)
-        by_parameters[-1] = by_parameters[-1].copy()
-        by_parameters[-1][:, :, 1] -= by_q[:, :, 0]
-        return by_pose, by_target, *by_parameters
+        return by_pose, by_target, *by_parameters, -by_q
 
 
 class CalibratedRange(CalibratedSighting):
     """Distance of what was seen.
 
     Residual: ``|q| (1 + scale + slope f_1 + curve f_2 - offset f_3) + offset - range``. Parameters: ``(scale,
-    offset)``, ``(slope, curve)``, ``(bearing curve, forward)``. ``f_1`` and ``f_2`` are the measured bearing and its
+    offset)``, ``(slope, curve)``, ``(forward, left)``. ``f_1`` and ``f_2`` are the measured bearing and its
     square, each less a constant, ``f_3`` an inverse range at which the offset shall change nothing.
     """
 
@@ -140,20 +138,24 @@ class CalibratedRange(CalibratedSighting):
         distance = range_of(q)
         by_q = range_jacobian(q) * self.stretch(*parameters, measurement=measurement)[:, :, None]
         first = np.concatenate([distance, 1.0 - distance * measurement[:, 3:]], axis=1)
-        return by_q, first[:, None], (distance * measurement[:, 1:3])[:, None], np.zeros((len(q), 1, 2))
+        return by_q, first[:, None], (distance * measurement[:, 1:3])[:, None]
 
 
 class CalibratedBearing(CalibratedSighting):
     """Direction of what was seen.
 
-    Residual: ``b + offset + slope (b - f_1) + curve (b^2 - f_2) - bearing`` with ``b = atan2(q_y, q_x)``, taken within
-    half a turn of the measured bearing. Parameters: ``(offset, slope)``, ``(curve, forward)``; ``f_1`` and ``f_2`` are
-    constants. The distortion is that of the true direction: that of the measured one would make errors look smaller
-    the more it compresses the picture.
+    Residual: ``b + offset + slope (b - f_1) + curve (b^2 - f_2) + cube (b^3 - f_3) - bearing`` with
+    ``b = atan2(q_y, q_x)``, taken within half a turn of the measured bearing. Parameters: ``(offset, slope)``,
+    ``(curve, cube)``, ``(forward, left)``; ``f_1`` to ``f_3`` are constants. The distortion is that of the true
+    direction: that of the measured one would make errors look smaller the more it compresses the picture.
     """
 
-    _parameters = 2
-    _basis = 2
+    _parameters = 3
+    _basis = 3
+
+    def direction(self, pose: Array, target: Array, *parameters: Array, measurement: Array) -> Array:
+        """True direction ``(M,)`` as seen from the sensor."""
+        return self._direction(self._view(pose, target, parameters[-1]), measurement)
 
     @staticmethod
     def _direction(q: Array, measurement: Array) -> Array:
@@ -162,19 +164,15 @@ class CalibratedBearing(CalibratedSighting):
         return result
 
     def _error(self, q: Array, *parameters: Array, measurement: Array) -> Array:
-        (first, last), b = parameters, self._direction(q, measurement)
-        shift = first[:, 0] + first[:, 1] * (b - measurement[:, 1]) + last[:, 0] * (b * b - measurement[:, 2])
-        return (b + shift - measurement[:, 0])[:, None]
-
-    def stretch(self, q: Array, first: Array, last: Array, *, measurement: Array) -> Array:
-        """What small changes of the direction ``(M, 1)`` are multiplied by."""
-        b = self._direction(q, measurement)
-        result: Array = (1.0 + first[:, 1] + 2.0 * last[:, 0] * b)[:, None]
-        return result
+        (first, second, _), b = parameters, self._direction(q, measurement)
+        powers = np.stack([b, b**2, b**3], axis=1) - measurement[:, 1:]
+        weights = np.concatenate([first[:, 1:], second], axis=1)
+        error: Array = b + first[:, 0] + (powers * weights).sum(axis=1) - measurement[:, 0]
+        return error[:, None]
 
     def _derivatives(self, q: Array, *parameters: Array, measurement: Array) -> tuple[Array, ...]:
-        one, b = np.ones(len(q)), self._direction(q, measurement)
-        by_q = direction_jacobian(q) * self.stretch(q, *parameters, measurement=measurement)[:, :, None]
-        first = np.stack([one, b - measurement[:, 1]], axis=1)[:, None]
-        last = np.stack([b * b - measurement[:, 2], 0.0 * one], axis=1)[:, None]
-        return by_q, first, last
+        (first, second, _), b = parameters, self._direction(q, measurement)
+        stretch = 1.0 + first[:, 1] + 2.0 * second[:, 0] * b + 3.0 * second[:, 1] * b**2
+        by_first = np.stack([np.ones(len(q)), b - measurement[:, 1]], axis=1)[:, None]
+        by_second = np.stack([b**2, b**3], axis=1) - measurement[:, 2:]
+        return direction_jacobian(q) * stretch[:, None, None], by_first, by_second[:, None]

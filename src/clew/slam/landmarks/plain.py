@@ -32,7 +32,11 @@ def plain_graph(tracks: Sequence[RobotTrack], models: Sequence[SensorModel], sol
     graph.add_point(_values(solution, Point2, identities), key=identities)
     for track, model in zip(tracks, models, strict=True):
         motion, _ = track.motion_factor(model)
-        graph.add(Between(track.keys[:-1], track.keys[1:], motion.measurement[:, :3], information=motion.information))
+        drift = _values(solution, Point2, track.drift_keys)
+        parameters = [*np.broadcast_to(model.calibration.points[:2, None], (2, len(drift), 2)), drift]
+        graph.add(
+            Between(track.keys[:-1], track.keys[1:], motion.motion_at(*parameters), information=motion.information)
+        )
         seen, mates = track.log.landmarks, track.log.robots
         keys = track.keys[track.rows(seen)]
         weights = _weights(solution, track.sighting_factors(seen, seen.identity, model.landmarks))
@@ -83,7 +87,7 @@ def _points(
     would turn into an error of the range, which no weight has reckoned with.
     """
     distance, bearing = track.corrected(seen, model.calibration)
-    view = local - [model.calibration.forward, 0.0]
+    view = local - [model.calibration.forward, model.calibration.left]
     far = np.hypot(*view.T)
     ray = view / far[:, None]
     across = np.stack([-ray[:, 1], ray[:, 0]], axis=1)
