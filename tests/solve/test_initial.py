@@ -56,6 +56,20 @@ def test_guesses_meet_several_known_poses(kind: Any, init: str) -> None:
     solution = clew.optimize(graph, init=init, max_iterations=0)
     assert solution.init == init
     assert np.abs(truth.local(solution.values(kind))).max() < 1e-9
+    given = graph.values(kind)[[2, 7]].array
+    np.testing.assert_array_equal(solution.values(kind)[[2, 7]].array, given)  # constant to the last bit
+
+
+@pytest.mark.parametrize("init", ["tree", "rotation", "joint", "auto"])
+def test_guesses_of_landmarks_alone(init: str) -> None:
+    """All poses are held, and what they see contradicts itself."""
+    graph, _, _ = exact_world(clew.SE2, 1)
+    keys, point = graph.keys(clew.SE2), graph.add_point([5.0, 5.0])
+    graph.set_constant(keys)
+    graph.add(clew.PointObservation(keys[:3], np.repeat(point, 3), [[1.0, 2.0], [9.0, -3.0], [4.0, 4.0]], sigmas=0.01))
+    solution = clew.optimize(graph, init=init)
+    assert solution.status is Status.CONVERGED
+    np.testing.assert_array_equal(solution.values(clew.SE2).array, graph.values(clew.SE2).array)
 
 
 def test_auto_keeps_current_values_that_are_better() -> None:

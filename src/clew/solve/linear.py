@@ -93,5 +93,5 @@ class LinearProblem:
         solution: Array = known.copy()
         downhill = np.negative(gradient.T, order="C")
         del gradient
-        solution[self.free] = factor.solve(downhill, overwrite=True).reshape(len(self.free), -1, problems)
+        solution[self.free] = factor.solve(downhill, overwrite=True).reshape(len(self.free), *known.shape[1:])
         return solution

@@ -22,9 +22,6 @@ Array = NDArray[np.float64]
 
 def rotation_guess(problem: Problem, relations: Relations) -> Array | None:
     """Poses ``(N, storage)``, or None if some pose hangs on no known one."""
-    if len(relations.known) == len(relations.start):
-        known: Array = relations.start.copy()
-        return known
     system = LinearProblem.of(problem, relations, relations.kind.space)
     rotations = _rotations(relations, system)
     return None if rotations is None else with_positions(relations, system, rotations)
@@ -33,7 +30,11 @@ def rotation_guess(problem: Problem, relations: Relations) -> Array | None:
 def with_positions(relations: Relations, system: LinearProblem, rotations: Array) -> Array | None:
     """Poses ``(N, storage)`` of rotations with the best positions, or None if some hang on no known one."""
     positions = _positions(relations, system, rotations)
-    return None if positions is None else np.concatenate([positions, rotations], axis=1)
+    if positions is None:
+        return None
+    poses = np.concatenate([positions, rotations], axis=1)
+    poses[relations.known] = relations.start[relations.known]  # to the last bit
+    return poses
 
 
 def nearest_rotations(matrices: Array) -> Array:
