@@ -11,6 +11,7 @@ Prints Markdown. A program that is not installed is left out with a line that sa
 from __future__ import annotations
 
 import argparse
+import importlib
 import importlib.util
 import math
 import multiprocessing
@@ -126,6 +127,8 @@ def installed(folder: Path) -> dict[str, Callable[[Path, bool, int], Run]]:
     for name, run in PEERS.items():
         if importlib.util.find_spec(name) is None:
             print(f"{name}: skipped, missing: pip install '.[bench]'")
+        elif reason := import_failure(name):
+            print(f"{name}: skipped, incompatible: {reason}")
         else:
             found[name] = run
     program, reason = build_ceres(folder)
@@ -134,6 +137,21 @@ def installed(folder: Path) -> dict[str, Callable[[Path, bool, int], Run]]:
     else:
         found["ceres"] = partial(run_ceres_program, str(program))
     return found
+
+
+def import_failure(name: str) -> str:
+    """Why a peer that is installed cannot be used, or nothing."""
+    try:
+        alone(_load, name)
+    except BrokenProcessPool:
+        return "it crashes"
+    except Exception as error:  # a module can raise anything
+        return (str(error) or type(error).__name__).splitlines()[0]
+    return ""
+
+
+def _load(name: str) -> None:
+    importlib.import_module(name)  # a module cannot be handed back from a process
 
 
 def start_files(source: Path, folder: Path) -> dict[str, Path]:
