@@ -136,15 +136,22 @@ class LoopCloser:
         if closure.verdict is not Verdict.WAITING:
             return closure
         closure = look_back(closure, submap, self._places.submap_of(query.source, query.members), verification)
-        closure = replace(closure, information=self._information(closure), is_certain=candidate.is_certain)
+        information = self._information(closure, candidate)
+        closure = replace(closure, information=information, is_certain=candidate.is_certain)
         return self._gate(closure, candidate)
 
-    def _information(self, closure: Closure) -> Array:
-        """What a match is worth to the graph: that of its returns, and of the ways along which they were seen."""
+    def _information(self, closure: Closure, candidate: Candidate) -> Array:
+        """What a match is worth to the graph: that of its returns, and of the ways along which they were seen.
+
+        Where a partial closure is along its line only the prediction tells; if the line is askew by the bend of what
+        was matched, it is off across that line by so much as well.
+        """
         worth = self._sensor.return_information(self._config.closing.information_scale)
         of_returns = without_normal_noise(closure.information, self._sensor.normal_variance)
         information = worth * of_returns + LEAST_INFORMATION
         bent = deformation(self._keyframes, closure, self._config.closing)
+        if closure.is_partial:
+            bent[:2, :2] += bent[2, 2] * np.trace(candidate.covariance[:2, :2]) * np.eye(2)
         return np.asarray(np.linalg.inv(np.linalg.inv(information) + bent), dtype=np.float64)
 
     def finish(self) -> None:
