@@ -72,6 +72,7 @@ def test_predictions_are_not_compared_where_returns_do_not_tell() -> None:
 
 def test_a_street_without_marks_is_as_long_as_odometry_has_it() -> None:
     """Nine metres on, the robot passes a bare front; there it once was taken to stand for five metres."""
-    log = simulate_kind("campus", 12, duration=30.0, rate=3.0, laser=LaserModel(beams=181, range_max=25.0), odometry=WORSE)
+    laser = LaserModel(beams=181, range_max=25.0)
+    log = simulate_kind("campus", 12, duration=30.0, rate=3.0, laser=laser, odometry=WORSE)
     off, _ = errors(mapped(log).trajectory.T_world_robot, truth_of(log))
     assert off.max() < 1.0
