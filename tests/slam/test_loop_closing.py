@@ -83,7 +83,7 @@ def test_right_closures_overturn_a_wrong_one_that_came_first() -> None:
     closer._beliefs._held.clear()
     first = right[0]
     wrong = replace(first, T_target_source=se2.compose(first.T_target_source, np.array([1.5, 0.6, 0.2])),
-                    information=np.diag([1e3, 1e3, 1e4]))
+                    information=np.diag([1e4, 1e4, 1e5]))
     closer._beliefs.add(wrong)
     slam._pose_graph.optimise()
     for measurement in measurements(log, slam.scan_count, log.scan_count):
