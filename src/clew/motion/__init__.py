@@ -2,7 +2,7 @@
 
 from clew.motion.ackermann import Ackermann
 from clew.motion.buffer import OdometryBuffer
-from clew.motion.calibration import OdometryCalibration, OdometryQuality
+from clew.motion.calibration import OdometryCalibration, OdometryQuality, bounded
 from clew.motion.integrate import Pieces, Preintegrated, cut, preintegrate
 from clew.motion.noise import OdometryNoise
 from clew.motion.odometry import Odometry
@@ -22,6 +22,7 @@ __all__ = [
     "Preintegrated",
     "VelocityNoise",
     "WheelEncoders",
+    "bounded",
     "cut",
     "preintegrate",
     "velocity_motion",

@@ -90,7 +90,7 @@ class LoopCloser:
         options = self._config.closing
         if path - self._last_attempt < (options.every_known if known else options.every):
             return False
-        if not len(self._places.anchors_before(source)):
+        if not self._places.end(source):
             return False
         self._last_attempt = path
         proposals = self._propose(source)

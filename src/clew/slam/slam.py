@@ -252,6 +252,15 @@ class Slam:
         """`graph` with the Gaussian around the present poses: covariances, and what the measurements leave open."""
         return optimize(self.graph, init="file", max_iterations=0)
 
+    def covariances(self) -> Array:
+        """Covariances ``(K, 3, 3)`` of `keyframes` seen from the first one, each in the tangent of its pose.
+
+        Of a pose seen from any other: `Solution.joint_covariance` of `solution`, by `keyframe_numbers`.
+        """
+        if len(self.graph) < 2:
+            return np.zeros((len(self.graph), 3, 3))
+        return np.asarray(self.solution().covariances(SE2), dtype=np.float64)
+
     @property
     def chi2(self) -> float:
         """Cost ``sum e^T Omega e`` of `graph` at the present poses, without robust kernels."""
