@@ -68,6 +68,16 @@ class LoopCloser:
         return [*self._rejected, *self._waiting, *self._dissent]
 
     @property
+    def redundant_count(self) -> int:
+        """How many candidates say the same as one that is believed."""
+        return self._rejected.count(Verdict.REDUNDANT)
+
+    @property
+    def turned_down_count(self) -> int:
+        """How many candidates are neither believed nor redundant; those that still wait are among them."""
+        return len(self._rejected) + len(self._waiting) + len(self._dissent) - self.redundant_count
+
+    @property
     def needed(self) -> set[int]:
         """Keyframes of closures that still wait, and those that are to be tried again."""
         return {k for w in [*self._waiting, *self._dissent] for k in (w.source, w.target)}.union(self._open)
