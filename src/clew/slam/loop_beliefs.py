@@ -18,7 +18,7 @@ Array = NDArray[np.float64]
 WORST = 0.5  # closures with this share of the largest residual go with the worst; others may but be strained by it
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class _Belief:
     closure: Closure
     factor: int
@@ -51,10 +51,15 @@ class Beliefs:
         """Those that can still be taken out, in the order in which they came."""
         return [belief.closure for belief in self._held]
 
-    def add(self, closure: Closure) -> None:
-        """Believe a closure."""
+    def add(self, closure: Closure) -> list[Closure]:
+        """Believe a closure; returns partial ones of the same keyframe, for which it stands from now on."""
         closure = replace(closure, verdict=Verdict.CONFIRMED)
+        replaced = [b for b in self._held if b.closure.is_partial and b.closure.source == closure.source]
+        for belief in replaced:
+            self._graph.remove(belief.factor)
+            self._held.remove(belief)
         self._held.append(_Belief(closure, self._graph.add_closure(closure, closure.information)))
+        return [replace(belief.closure, verdict=Verdict.REDUNDANT) for belief in replaced]
 
     def forget(self, keyframes: set[int]) -> None:
         """Keyframes have been pruned: what their closures said is in the graph for good."""

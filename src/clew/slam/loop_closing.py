@@ -24,6 +24,7 @@ from clew.slam.sensor import SensorModel
 Array = NDArray[np.float64]
 
 MISSES = 4  # keyframes in a row that still cannot be closed, after which no more are tried
+ROUNDS = 3  # at most in which all are tried again at the end
 DOUBT = 4  # attempts in a row at known places that end in nothing, after which the prediction is doubted for once
 
 
@@ -111,9 +112,9 @@ class LoopCloser:
             return True
         accepted = self.accepted_count
         moved = self._decide(proposals)
-        if self.accepted_count == accepted:
+        if self.accepted_count == accepted or self._beliefs.held[-1].is_partial:
             self._open.append(source)
-        elif self.accepted_count > accepted + 1:  # with its supporters
+        if self.accepted_count > accepted + 1:  # with its supporters
             self._reopen({c.source for c in self._beliefs.held[accepted - self.accepted_count :]}, set())
         return moved
 
@@ -139,42 +140,63 @@ class LoopCloser:
         return proposals
 
     def finish(self) -> None:
-        """Try all keyframes once more that could not be closed, until no more can, now that the whole way is known."""
-        before = -1
-        while self.accepted_count > before:
-            before = self.accepted_count
+        """Try all keyframes once more that could not be closed, or only in part, now that the whole way is known."""
+        for _ in range(ROUNDS):
+            before = self._known()
             self.settle()
-            self._catch_up(len(self._open))
+            self._catch_up(thorough=True)
+            if self._known() == before:
+                break
 
-    def _catch_up(self, patience: int = MISSES) -> None:
+    def _known(self) -> tuple[int, int]:
+        """How many closures are believed, and how many of those that can be taken out are whole."""
+        return len(self._beliefs), sum(not c.is_partial for c in self._beliefs.held)
+
+    def _catch_up(self, *, thorough: bool = False) -> None:
         """Try keyframes again that could not be closed, the latest first, now that the robot knows where it is.
 
         Each that is closed makes the ones before it certain in turn.
 
         Args:
-            patience: after so many in a row that still cannot be closed, no more are tried.
+            thorough: all of them, those too that were closed in part; otherwise until several in a row cannot be.
         """
         left: list[int] = []
         missed = 0
-        while self._open and missed < patience:
+        while self._open and (thorough or missed < MISSES):
             source = self._open.pop()
-            accepted = self.accepted_count
-            query = self._places.query(source)
-            candidates = find_candidates(self._graph, self._places, query, self._config.closing)
-            if any(c.is_near for c in candidates):  # otherwise the robot could still be in another place
-                proposals = [self._matcher.match(query, candidate) for candidate in candidates]
-                if any(p.is_certain or p.is_partial for p in proposals):
-                    self._waiting = [w for w in self._waiting if w.source != source]
-                    self._dissent = [w for w in self._dissent if w.source != source]
-                    self._rejected.forget(source)
-                    self._decide(proposals)
-                    self.settle()
-            if self.accepted_count > accepted:
+            held = [c for c in self._beliefs.held if c.source == source]
+            if not all(c.is_partial for c in held):
+                continue
+            if held and not thorough:
+                left.append(source)
+                continue
+            before = self._known()
+            self._try_again(source, held)
+            if self._known() != before:
                 missed = 0
             else:
                 missed += 1
                 left.append(source)
         self._open.extend(reversed(left))
+
+    def _try_again(self, source: int, held: list[Closure]) -> None:
+        """Match a keyframe again that is not closed, or by partial closures alone."""
+        query = self._places.query(source)
+        candidates = find_candidates(self._graph, self._places, query, self._config.closing)
+        if not any(c.is_near for c in candidates):  # the robot could still be in another place
+            return
+        proposals = [self._matcher.match(query, candidate) for candidate in candidates]
+        if held:
+            ends = {c.target for c in held}
+            proposals = [p for p in proposals if not p.is_partial or p.target not in ends]
+            if not any(p.is_certain and not p.is_partial and p.verdict is Verdict.WAITING for p in proposals):
+                return
+        if any(p.is_certain or p.is_partial for p in proposals):
+            self._waiting = [w for w in self._waiting if w.source != source]
+            self._dissent = [w for w in self._dissent if w.source != source]
+            self._rejected.forget(source)
+            self._decide(proposals)
+            self.settle()
 
     # --- decisions --------------------------------------------------------------------------------------------------
 
@@ -185,7 +207,7 @@ class LoopCloser:
         if not candidates:
             return False
         best = max(candidates, key=lambda c: (not c.is_partial, c.likelihood * c.overlap))
-        if any(not self._agree(best, rival) for rival in self._rivals(best, proposals)):
+        if any(not self._agree(best, rival, _unknown(best, rival)) for rival in self._rivals(best, proposals)):
             self._rejected.add(replace(c, verdict=Verdict.AMBIGUOUS) for c in candidates)
             return False
         supporters = [] if self._is_tracked(best) else self._supporters(best)
@@ -193,7 +215,7 @@ class LoopCloser:
             self._waiting += candidates
             return False
         for closure in [best, *supporters]:
-            self._beliefs.add(replace(closure, supporters=len(supporters)))
+            self._rejected.add(self._beliefs.add(replace(closure, supporters=len(supporters))))
         self._rejected.add(replace(c, verdict=Verdict.REDUNDANT) for c in candidates if c is not best)
         taken = {id(closure) for closure in supporters}
         self._waiting = [w for w in self._waiting if id(w) not in taken]
@@ -242,7 +264,8 @@ class LoopCloser:
         """
         best = max((p for p in proposals if p.verdict is Verdict.DISAGREES and not p.is_partial),
                    key=lambda c: c.likelihood * c.overlap, default=None)
-        if best is None or any(not self._agree(best, rival) for rival in self._rivals(best, proposals)):
+        if best is None or any(not self._agree(best, rival, _unknown(best, rival))
+                               for rival in self._rivals(best, proposals)):
             return False
         supporters = self._apart(best, self._dissent)
         self._dissent.append(best)
@@ -301,3 +324,9 @@ class LoopCloser:
         self._rejected.add(c for c in self._dissent if paths[c.source] < path)
         self._waiting = [w for w in self._waiting if paths[w.source] >= path]
         self._dissent = [c for c in self._dissent if paths[c.source] >= path]
+
+
+def _unknown(a: Closure, b: Closure) -> Array | None:
+    """Covariance ``(3, 3)`` of what partial closures of one keyframe do not tell, so that they agree in the rest."""
+    partial = [np.linalg.inv(c.information) for c in (a, b) if c.is_partial]
+    return np.sum(partial, axis=0) if partial else None

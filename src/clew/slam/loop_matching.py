@@ -21,6 +21,7 @@ from clew.slam.sensor import SensorModel
 Array = NDArray[np.float64]
 
 FLOOR = np.diag([0.05, 0.05, 0.02]) ** 2  # covariance that any prediction has at least
+UNKNOWN = 1.0  # metres; a match that is no surer along a direction is partial, though it fits at one pose best
 NOISY = 2.0  # the residual of a match may be so many deviations of a return
 
 
@@ -48,6 +49,10 @@ class LoopMatcher:
         closure = look_back(closure, submap, self._places.submap_of(query.source, query.members), verification)
         information = self._information(closure, candidate)
         closure = replace(closure, information=information, is_certain=candidate.is_certain)
+        if not closure.is_partial and np.linalg.eigvalsh(np.linalg.inv(information)[:2, :2])[1] > UNKNOWN**2:
+            closure = replace(closure, is_partial=True)
+            if not candidate.may_slide:
+                return replace(closure, verdict=Verdict.AMBIGUOUS)
         return self._gate(closure, candidate)
 
     def _information(self, closure: Closure, candidate: Candidate) -> Array:
