@@ -19,7 +19,7 @@ from clew.factors import Between
 from clew.geometry import SE2, se2
 from clew.graph import FactorGraph, Role
 from clew.noise import Cauchy
-from clew.scan import IndexedClouds, align, index_cloud, join, without_normal_noise
+from clew.scan import IndexedClouds, align, index_cloud, join, with_new_partners, without_normal_noise
 from clew.slam.config import SlamConfig
 from clew.slam.keyframes import KeyframeStore
 from clew.slam.pair_noise import pair_variance, returns_once, with_variance
@@ -37,6 +37,7 @@ KERNEL = 3.0
 #: Radians; normals at jambs and corners are off by so much, and alike in all scans that see them. Along a corridor they
 #: are what a pair of single scans has to go by, and what it makes of them does not average out over many pairs.
 BENT_ENDS = 0.25
+LEVER = 5.0  # metres; a turn of a radian counts as so much
 PAIRS_AT_ONCE = 2000  # whose returns are laid out together: memory of the alignment does not grow with the map
 
 
@@ -165,9 +166,10 @@ def _align_pairs(
     good = overlap >= options.overlap
     if not good.any():
         return None
-    of_returns = without_normal_noise(returns[good], sensor.normal_variance + BENT_ENDS**2)
+    moments = np.concatenate([cloud.as_sources().moments() for cloud in clouds])[pairs[good, 1]]
+    of_returns = without_normal_noise(returns[good], sensor.normal_variance + BENT_ENDS**2, moments)
     worth = sensor.return_information(options.information_scale)
-    return _Pairs(pairs[good], T[good], worth * of_returns, returns_once(pairs, len(numbers))[good])
+    return _Pairs(pairs[good], T[good], worth * of_returns, returns_once(pairs[good], len(numbers)))
 
 
 def _align_part(
@@ -178,10 +180,16 @@ def _align_part(
     start, end = RADII[min(round_, len(RADII) - 1)]
     rows, local = np.unique(pairs, return_inverse=True)
     batch = join([clouds[row] for row in rows])
+    rows_of_batch = np.asarray(local.reshape(-1, 2), dtype=np.int32)
+    options = replace(sensor.alignment, radius_start=start, radius_end=end)
     fine = align(
-        batch, batch.as_sources(), np.asarray(local.reshape(-1, 2), dtype=np.int32),
-        se2.between(poses[pairs[:, 0]], poses[pairs[:, 1]]),
-        prior_information=np.broadcast_to(WEAK_PRIOR, (len(pairs), 3, 3)),
-        options=replace(sensor.alignment, radius_start=start, radius_end=end), threads=config.threads,
+        batch, batch.as_sources(), rows_of_batch, se2.between(poses[pairs[:, 0]], poses[pairs[:, 1]]),
+        prior_information=np.broadcast_to(WEAK_PRIOR, (len(pairs), 3, 3)), options=options, threads=config.threads,
     )  # fmt: skip
-    return fine.T_target_source, fine.overlap, fine.information
+    held = with_new_partners(
+        batch, batch.as_sources(), rows_of_batch, fine.T_target_source, fine.information, options, config.threads
+    )
+    # The pose of the returns alone, not the one that the prior holds back: it would confirm where the pair is now.
+    size = np.hypot(np.hypot(fine.step[:, 0], fine.step[:, 1]), LEVER * fine.step[:, 2])
+    step = fine.step * np.minimum(1.0, end / np.maximum(size, 1e-12))[:, None]
+    return se2.compose(fine.T_target_source, se2.exp(step)), fine.overlap, held
