@@ -30,29 +30,12 @@ from clew.io import (
 )
 from clew.io.log import ReadReport
 from clew.sim import FleetModel, SightingModel, landmark_field, simulate_fleet
-from clew.slam.landmarks import LandmarkMap, RobotEstimate, map_features, map_landmarks
+from clew.slam.landmarks import LandmarkMap, map_features, map_landmarks
 from clew.solve import Solution, optimize
+from mrclam_nees import errors_of
 
 Array = NDArray[np.float64]
 DATA = Path(__file__).parents[2] / "shared" / "data" / "landmarks"
-
-
-def nees(robot: RobotEstimate, log: SightingLog) -> tuple[float, float, float]:
-    """Mean normalised squared errors of positions (2 if the covariances are right) and headings (1), after alignment.
-
-    Also the constant heading, in degrees, by which the motion capture's body is mounted on the robot: nothing that the
-    robot measures tells it, so it is taken out as the alignment of the positions is (median of the heading errors).
-    """
-    assert log.truth is not None
-    error = absolute_trajectory_error(log.truth[:, 0], log.truth[:, 1:], robot.timestamps, robot.T_world_robot)
-    moved = se2.compose(error.T_truth_estimate, robot.T_world_robot)
-    row = np.minimum(np.searchsorted(log.truth[:, 0], robot.timestamps), len(log.truth) - 1)
-    good = np.flatnonzero(np.abs(log.truth[row, 0] - robot.timestamps) < 0.05)[1:]  # the first pose is held
-    e, covariance = se2.local(moved[good], log.truth[row[good], 1:]), robot.covariances[good]
-    mounting = float(np.median(e[:, 2]))
-    positions = np.einsum("ni,nij,nj->n", e[:, :2], np.linalg.inv(covariance[:, :2, :2]), e[:, :2])
-    headings = (e[:, 2] - mounting) ** 2 / covariance[:, 2, 2]
-    return float(positions.mean()), float(headings.mean()), float(np.degrees(mounting))
 
 
 def rows_of(found: LandmarkMap, logs: list[SightingLog], label: str, seconds: float, folder: Path) -> list[str]:
@@ -64,19 +47,28 @@ def rows_of(found: LandmarkMap, logs: list[SightingLog], label: str, seconds: fl
     for robot, log in zip(found.robots, logs, strict=True):
         assert log.truth is not None
         e = absolute_trajectory_error(log.truth[:, 0], log.truth[:, 1:], robot.timestamps, robot.T_world_robot)
-        position, heading, mounting = nees(robot, log)
+        compared = errors_of(found, robot, log)
+        squares = [
+            f"{c.mean:.2f} | {c.low:.2f} to {c.high:.2f} of {c.effective:.0f}: {c.verdict}"
+            for c in (compared.position, compared.heading)
+        ]
+        x, y, theta = compared.mounting
+        scale = f"{100 * compared.scale:+.1f} ({100 * compared.scale_deviation:.1f})"
         lines.append(
             f"| {label} | {robot.robot} | {e.translation.rmse:.3f} | {np.degrees(e.rotation.rmse):.2f} | "
-            f"{position:.2f} | {heading:.2f} | {mounting:.2f} | {np.sqrt(np.mean(off**2)):.3f} | {off.max():.3f} | "
+            f"{' | '.join(squares)} | {scale} | {100 * x:.1f}, {100 * y:.1f}, {np.degrees(theta):.2f} | "
+            f"{1e3 * compared.later:.0f} | "
+            f"{np.degrees(compared.truth_heading):.2f} | {np.sqrt(np.mean(off**2)):.3f} | {off.max():.3f} | "
             f"{seconds:.0f} |"
         )
     return lines
 
 
 def mrclam(folder: Path) -> None:
-    print("| run | robot | ATE m | heading deg | NEES position (2) | NEES heading (1) | mounting deg | "
-          "landmarks rmse m | max m | CPU s |")  # fmt: skip
-    print("| --- | --- | --- | --- | --- | --- | --- | --- | --- | --- |")
+    columns = ("run", "robot", "ATE m", "heading deg", "NEES position (2)", "95 % band of independent",
+               "NEES heading (1)", "95 % band of independent", "scale % (deviation)", "body frame cm, cm, deg", "later ms",
+               "heading noise deg", "landmarks rmse m", "max m", "CPU s")  # fmt: skip
+    print(f"| {' | '.join(columns)} |\n{'| --- ' * len(columns)}|")
     logs = [read_mrclam(folder, n) for n in mrclam_robots(folder)]
     for label, chosen in [*(("alone", [log]) for log in logs), ("merged", logs)]:
         begun = time.process_time()

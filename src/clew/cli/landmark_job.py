@@ -61,8 +61,8 @@ def run_landmarks(folder: Path, out: Path, robot: int | None, json: bool, quiet:
         survey = read_survey(folder)
     ensure_output_folder(out)
     with stages(console) as shown:
-        shown.begin("mapping", note=f"{sum(len(log.landmarks) for log in logs):,} sightings of landmarks")
-        found = map_landmarks(logs)
+        notes = {"mapping": "sightings of landmarks", "calibrating": "rounds at most", "joining": "rounds at most"}
+        found = map_landmarks(logs, progress=shown.stages(notes))
     summary = {"log": folder.name, **_summary(found, logs, survey), "version": __version__}
     summary["wall_seconds"] = round(time.perf_counter() - begun, 3)
     _write(found, folder.name, out)

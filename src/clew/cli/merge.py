@@ -44,10 +44,9 @@ def merge(
 
     with stages(messages(quiet)) as shown:
         shown.begin("reading")
-        robots = read_robots(inputs)
-        shown.begin("merging", note=f"{len(robots)} robots")
-        merged = merge_robots(robots)
-        shown.begin("writing")
+        robots = read_robots(inputs, progress=shown.counter("robots", "each solved by itself"))
+        merged = merge_robots(robots, progress=shown.counter("merging", "pairs of robots, then all as one"))
+        shown.begin("writing", note="files, report")
         ensure_output_folder(output)
         write_merged(merged, output)
         write_report(output / "report.html", report_of_merge(merged))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
@@ -93,6 +93,18 @@ class Stages:
             self.show(done)
 
         return count
+
+    def stages(self, notes: Mapping[str, str]) -> Callable[[str, int, int], None]:
+        """A callback ``(stage, done, most)`` that begins each stage when it is first told of it.
+
+        Args:
+            notes: what is counted, by stage.
+        """
+
+        def tell(stage: str, done: int, most: int) -> None:
+            self.counter(stage, notes.get(stage, ""))(done, most)
+
+        return tell
 
     def iterations(self, limit: int) -> Callable[[Step], None]:
         """A callback for `clew.solve.optimize`; a solve ends when it has converged, so there is no total."""

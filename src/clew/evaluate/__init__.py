@@ -2,6 +2,7 @@
 
 from clew.evaluate.connectivity import PathCuts, bridges, path_cuts, stretches
 from clew.evaluate.consistency import PairErrors, pair_errors, revisiting_pairs
+from clew.evaluate.nees import Consistency, consistency, effective_count, normalised_squares
 from clew.evaluate.poses import associate, poses_at
 from clew.evaluate.relations import (
     ReferenceRelations,
@@ -25,6 +26,7 @@ from clew.evaluate.trajectory import (
 __all__ = [
     "ROLES",
     "AbsoluteError",
+    "Consistency",
     "ErrorStatistics",
     "FactorResiduals",
     "OdometrySlip",
@@ -39,7 +41,10 @@ __all__ = [
     "align",
     "associate",
     "bridges",
+    "consistency",
+    "effective_count",
     "factor_residuals",
+    "normalised_squares",
     "odometry_slip",
     "pair_errors",
     "path_cuts",

@@ -2,8 +2,7 @@
 
 A camera that measures how large a mark appears measures depth along its axis rather than distance, and looks from
 where it is mounted. Both show as errors that depend smoothly on where in the picture the mark is, so the models have
-a correction that is quadratic in the measured bearing. ``f_1`` and ``f_2`` are the measured bearing and its square,
-each less a constant that the caller chooses.
+a correction that is quadratic in the bearing. Edges of the mark that look blurred add the same to every distance.
 """
 
 from __future__ import annotations
@@ -16,7 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from clew.errors import InputError
-from clew.factors.measured import Measured, read_columns, read_keys
+from clew.factors.measured import Measured, read_columns, read_keys, read_numbers
 from clew.factors.sensor_view import direction_jacobian, direction_of, range_jacobian, range_of
 from clew.geometry import SE2, Point2, se2, so2, wrap
 from clew.graph.factor import Role
@@ -29,9 +28,12 @@ class CalibratedSighting(Measured):
     """Base of `CalibratedRange` and `CalibratedBearing`.
 
     Keys: the robot's pose; what was seen, a landmark (`Point2`) or another robot (`SE2`); points of parameters, the
-    last of which is ``(bearing curve, forward)``. ``q`` is what was seen, from `forward` metres ahead of the robot's
-    centre: ``q = R^T (p - t) - (forward, 0)``. Measurement: the number measured, ``f_1``, ``f_2``.
+    last of which is the sensor's place on the robot, ``(forward, left)`` of its centre. ``q`` is what was seen, from
+    there: ``q = R^T (p - t) - (forward, left)``. Measurement: the number measured, then ``f_1``, ``f_2`` and so on.
     """
+
+    _parameters: int
+    _basis: int
 
     def __init__(
         self,
@@ -39,8 +41,7 @@ class CalibratedSighting(Measured):
         target: ArrayLike,
         parameters: Sequence[ArrayLike],
         measured: ArrayLike,
-        f1: ArrayLike,
-        f2: ArrayLike,
+        basis: ArrayLike,
         *,
         sees: type[Any] = Point2,
         sigmas: ArrayLike | None = None,
@@ -54,10 +55,9 @@ class CalibratedSighting(Measured):
         Args:
             pose: key of the robot's pose, or ``(M,)`` keys.
             target: key of what was seen, or ``(M,)`` keys.
-            parameters: keys of the two points of parameters, in the order of the class's docstring.
+            parameters: keys of the points of parameters, in the order of the class's docstring.
             measured: metres or radians, or ``(M,)``.
-            f1: the measured bearing less a constant, radians.
-            f2: its square less a constant.
+            basis: the numbers ``f_1``, ``f_2`` and so on of the class's docstring, ``(k,)`` or ``(M, k)``.
             sees: `Point2` for landmarks, `SE2` for robots.
             sigmas: standard deviation, or ``(M, 1)``.
             information: or information matrices ``(M, 1, 1)``.
@@ -71,11 +71,13 @@ class CalibratedSighting(Measured):
         what = type(self).__name__
         if sees not in (Point2, SE2):
             raise InputError(f"{what}: sees is {sees!r}; give Point2 for landmarks or SE2 for robots")
-        if len(parameters) != 2:
-            raise InputError(f"{what}: {len(parameters)} points of parameters; it needs 2")
+        if len(parameters) != self._parameters:
+            raise InputError(f"{what}: {len(parameters)} points of parameters; it needs {self._parameters}")
+        functions = np.atleast_2d(read_numbers(basis, self._basis, f"{what}: basis"))
+        columns = {f"f{k + 1}": column for k, column in enumerate(functions.T)}
         self._set_up(
-            read_keys((pose, target, *parameters), what), (SE2, sees, Point2, Point2),
-            read_columns(what, measured=measured, f1=f1, f2=f2), 1,
+            read_keys((pose, target, *parameters), what), (SE2, sees, *[Point2] * self._parameters),
+            read_columns(what, measured=measured, **columns), 1,
             sigmas=sigmas, information=information, covariance=covariance, kernel=kernel, role=role,
         )  # fmt: skip
 
@@ -85,11 +87,11 @@ class CalibratedSighting(Measured):
 
     @abstractmethod
     def _derivatives(self, q: Array, *parameters: Array, measurement: Array) -> tuple[Array, ...]:
-        """``(M, 1, 2)`` by ``q`` and by each point of parameters, `forward` left to the caller."""
+        """``(M, 1, 2)`` by ``q`` and by each point of parameters but the last."""
 
-    def _view(self, pose: Array, target: Array, last: Array) -> Array:
-        q = se2.act(se2.inverse(pose), target[:, :2])
-        return np.stack([q[:, 0] - last[:, 1], q[:, 1]], axis=1)
+    def _view(self, pose: Array, target: Array, mounted: Array) -> Array:
+        seen: Array = se2.act(se2.inverse(pose), target[:, :2]) - mounted
+        return seen
 
     def residual(self, *values: Array, measurement: Array) -> Array:
         """Predicted minus measured, ``(M, 1)``."""
@@ -101,51 +103,76 @@ class CalibratedSighting(Measured):
         pose, target, *parameters = values
         q = self._view(pose, target, parameters[-1])
         by_q, *by_parameters = self._derivatives(q, *parameters, measurement=measurement)
-        robot = np.stack([q[:, 0] + parameters[-1][:, 1], q[:, 1]], axis=1)
+        robot = q + parameters[-1]
         turned = np.stack([robot[:, 1], -robot[:, 0]], axis=1)[:, :, None]
         by_pose = np.concatenate([-by_q, by_q @ turned], axis=2)
         by_target = by_q @ so2.matrix(-pose[:, 2:])
         if target.shape[1] == 3:  # a pose moves in its own frame, and its heading does not matter
             by_target = np.concatenate([by_target @ so2.matrix(target[:, 2:]), np.zeros((len(q), 1, 1))], axis=2)
-        by_parameters[-1] = by_parameters[-1].copy()
-        by_parameters[-1][:, :, 1] -= by_q[:, :, 0]
-        return by_pose, by_target, *by_parameters
+        return by_pose, by_target, *by_parameters, -by_q
 
 
 class CalibratedRange(CalibratedSighting):
     """Distance of what was seen.
 
-    Residual: ``|q| (1 + slope f_1 + curve f_2) - range``. Parameters: ``(slope, curve)``, ``(bearing curve, forward)``.
+    Residual: ``|q| (1 + scale + slope f_1 + curve f_2 - offset f_3) + offset - range``. Parameters: ``(scale,
+    offset)``, ``(slope, curve)``, ``(forward, left)``. ``f_1`` and ``f_2`` are the measured bearing and its
+    square, each less a constant, ``f_3`` an inverse range at which the offset shall change nothing.
     """
 
+    _parameters = 3
+    _basis = 3
+
     def _error(self, q: Array, *parameters: Array, measurement: Array) -> Array:
-        return range_of(q) * self._stretch(parameters[0], measurement) - measurement[:, :1]
+        offset = parameters[0][:, 1:]
+        return range_of(q) * self.stretch(*parameters, measurement=measurement) + offset - measurement[:, :1]
 
     @staticmethod
-    def _stretch(first: Array, measurement: Array) -> Array:
-        result: Array = 1.0 + (first * measurement[:, 1:]).sum(axis=1, keepdims=True)
+    def stretch(first: Array, second: Array, _: Array, *, measurement: Array) -> Array:
+        """What distances ``(M, 1)`` are multiplied by."""
+        along = first[:, :1] - first[:, 1:] * measurement[:, 3:]
+        result: Array = 1.0 + along + (second * measurement[:, 1:3]).sum(axis=1, keepdims=True)
         return result
 
     def _derivatives(self, q: Array, *parameters: Array, measurement: Array) -> tuple[Array, ...]:
         distance = range_of(q)
-        by_q = range_jacobian(q) * self._stretch(parameters[0], measurement)[:, :, None]
-        return by_q, (distance * measurement[:, 1:])[:, None], np.zeros((len(q), 1, 2))
+        by_q = range_jacobian(q) * self.stretch(*parameters, measurement=measurement)[:, :, None]
+        first = np.concatenate([distance, 1.0 - distance * measurement[:, 3:]], axis=1)
+        return by_q, first[:, None], (distance * measurement[:, 1:3])[:, None]
 
 
 class CalibratedBearing(CalibratedSighting):
     """Direction of what was seen.
 
-    Residual: ``wrap(atan2(q_y, q_x) + offset + slope f_1 + curve f_2 - bearing)``. Parameters: ``(offset, slope)``,
-    ``(curve, forward)``.
+    Residual: ``b + offset + slope (b - f_1) + curve (b^2 - f_2) + cube (b^3 - f_3) - bearing`` with
+    ``b = atan2(q_y, q_x)``, taken within half a turn of the measured bearing. Parameters: ``(offset, slope)``,
+    ``(curve, cube)``, ``(forward, left)``; ``f_1`` to ``f_3`` are constants. The distortion is that of the true
+    direction: that of the measured one would make errors look smaller the more it compresses the picture.
     """
 
+    _parameters = 3
+    _basis = 3
+
+    def direction(self, pose: Array, target: Array, *parameters: Array, measurement: Array) -> Array:
+        """True direction ``(M,)`` as seen from the sensor."""
+        return self._direction(self._view(pose, target, parameters[-1]), measurement)
+
+    @staticmethod
+    def _direction(q: Array, measurement: Array) -> Array:
+        measured = measurement[:, 0]
+        result: Array = measured + wrap(direction_of(q)[:, 0] - measured)
+        return result
+
     def _error(self, q: Array, *parameters: Array, measurement: Array) -> Array:
-        first, last = parameters
-        shift = first[:, 0] + first[:, 1] * measurement[:, 1] + last[:, 0] * measurement[:, 2]
-        return wrap(direction_of(q) + (shift - measurement[:, 0])[:, None])
+        (first, second, _), b = parameters, self._direction(q, measurement)
+        powers = np.stack([b, b**2, b**3], axis=1) - measurement[:, 1:]
+        weights = np.concatenate([first[:, 1:], second], axis=1)
+        error: Array = b + first[:, 0] + (powers * weights).sum(axis=1) - measurement[:, 0]
+        return error[:, None]
 
     def _derivatives(self, q: Array, *parameters: Array, measurement: Array) -> tuple[Array, ...]:
-        one = np.ones(len(q))
-        first = np.stack([one, measurement[:, 1]], axis=1)[:, None]
-        last = np.stack([measurement[:, 2], 0.0 * one], axis=1)[:, None]
-        return direction_jacobian(q), first, last
+        (first, second, _), b = parameters, self._direction(q, measurement)
+        stretch = 1.0 + first[:, 1] + 2.0 * second[:, 0] * b + 3.0 * second[:, 1] * b**2
+        by_first = np.stack([np.ones(len(q)), b - measurement[:, 1]], axis=1)[:, None]
+        by_second = np.stack([b**2, b**3], axis=1) - measurement[:, 2:]
+        return direction_jacobian(q) * stretch[:, None, None], by_first, by_second[:, None]

@@ -24,6 +24,11 @@ class PreintegratedMotion(Measured):
     integrated again (Forster et al. 2017, "On-manifold preintegration", section VI-D, in the plane).
 
     Residual: ``local(z(p), a^-1 b)``. Measurement: ``(x, y, theta)``, then ``J`` row by row, then the reference.
+
+    One parameter may be the unit of the readings: the robot goes ``1 + p_unit`` metres for each that it reads. Its
+    column of ``J`` is not used; instead the translation of ``a^-1 b`` is divided by ``(1 + p_unit) / (1 +
+    reference_unit)``, so that the noise is in the unit, too. Without that a map whose scale is not known would come out
+    too small, for in a smaller one all errors of the odometry are smaller.
     """
 
     def __init__(
@@ -35,6 +40,7 @@ class PreintegratedMotion(Measured):
         by_parameter: ArrayLike,
         reference: ArrayLike,
         *,
+        unit: int | None = None,
         sigmas: ArrayLike | None = None,
         information: ArrayLike | None = None,
         covariance: ArrayLike | None = None,
@@ -50,6 +56,7 @@ class PreintegratedMotion(Measured):
             motion: ``(M, 3)`` motion at the reference.
             by_parameter: ``(M, 3, 2 P)`` its derivative, in the tangent of `retract` at the motion.
             reference: ``(2 P,)`` parameters at which it was integrated, or ``(M, 2 P)``.
+            unit: which of the ``2 P`` parameters is the unit of the readings, if one is.
             sigmas: standard deviations, ``(3,)`` or ``(M, 3)``.
             information: or information matrices.
             covariance: or covariance matrices.
@@ -69,6 +76,12 @@ class PreintegratedMotion(Measured):
                 f"{what}: {len(parameters)} points of parameters need derivatives (M, 3, {width}) with M > 0, "
                 f"got {slopes.shape}"
             )
+        if unit is not None and not 0 <= unit < width:
+            raise InputError(f"{what}: unit is {unit}; there are {width} parameters, counted from 0")
+        self.unit = unit
+        if unit is not None:
+            slopes = slopes.copy()
+            slopes[..., unit] = 0.0
         slopes = read_numbers(slopes.reshape(-1, 3 * width), 3 * width, f"{what}: by_parameter")
         at = np.atleast_2d(read_numbers(reference, width, f"{what}: reference"))
         count = max(len(rows), len(slopes), len(at))
@@ -90,16 +103,43 @@ class PreintegratedMotion(Measured):
         turned[:, :2] = so2.matrix(-delta[:, 2:]) @ slopes[:, :2]
         return se2.retract(measurement[:, :3], delta), turned
 
+    def motion_at(self, *parameters: Array) -> Array:
+        """Motions ``(M, 3)`` in metres at parameters ``(M, 2)``, one a point."""
+        motion, _ = self._parts(parameters, self.measurement)
+        _, unit = self._relative((motion, motion, *parameters), self.measurement)
+        motion[:, :2] *= unit
+        return motion
+
+    def _relative(self, values: tuple[Array, ...], measurement: Array) -> tuple[Array, Array]:
+        """``a^-1 b`` in the unit of the readings, and the unit ``(M, 1)`` over that of the reference."""
+        relative = se2.between(values[0], values[1])
+        unit = np.ones((len(relative), 1))
+        if self.unit is not None:
+            at = 3 + 6 * (len(values) - 2) + self.unit
+            unit = (1.0 + self._unit(values)) / (1.0 + measurement[:, at : at + 1])
+        relative[:, :2] /= unit
+        return relative, unit
+
+    def _unit(self, values: tuple[Array, ...]) -> Array:
+        point, coordinate = divmod(self.unit or 0, 2)
+        return values[2 + point][:, coordinate : coordinate + 1]
+
     def residual(self, *values: Array, measurement: Array) -> Array:
-        """``local(z(p), a^-1 b)``, ``(M, 3)``."""
+        """``local(z(p), a^-1 b)``, ``(M, 3)``, translations in the unit of the readings."""
         motion, _ = self._parts(values[2:], measurement)
-        return se2.local(motion, se2.between(values[0], values[1]))
+        return se2.local(motion, self._relative(values, measurement)[0])
 
     def jacobians(self, *values: Array, measurement: Array) -> tuple[Array, ...]:
         """``(M, 3, 3)`` by both poses, ``(M, 3, 2)`` by each point of parameters."""
         motion, by_parameter = self._parts(values[2:], measurement)
-        relative = se2.between(values[0], values[1])
-        by_motion, by_b = se2.local_jacobians(motion, relative)
+        relative, unit = self._relative(values, measurement)
+        by_motion, by_relative = se2.local_jacobians(motion, relative)
+        by_b = by_relative.copy()
+        by_b[:, :, :2] /= unit[:, :, None]
         by_all = by_motion @ by_parameter
+        if self.unit is not None:
+            shorter = so2.act(-relative[:, 2:], relative[:, :2]) / -(1.0 + self._unit(values))
+            by_all[:, :, self.unit] = (by_relative[:, :, :2] @ shorter[:, :, None])[:, :, 0]
         by_points = [by_all[:, :, k : k + 2] for k in range(0, by_all.shape[2], 2)]
-        return -by_b @ se2.adjoint(se2.inverse(relative)), by_b, *by_points
+        back = se2.adjoint(se2.inverse(se2.between(values[0], values[1])))
+        return -by_b @ back, by_b, *by_points

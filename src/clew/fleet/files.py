@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -38,11 +38,15 @@ class _Part:
     letters: frozenset[int]
 
 
-def read_robots(paths: Sequence[Path]) -> list[RobotGraph]:
+def read_robots(paths: Sequence[Path], *, progress: Callable[[int, int], None] | None = None) -> list[RobotGraph]:
     """Read robots: folders with ``graph.g2o`` (and ``landmarks.csv``), or graph files.
 
     A vertex that a file's edges mention, that it does not define, and whose top byte is another robot's letter, is
-    a pose of that robot; such edges tie the robots.
+    a pose of that robot; such edges tie the robots. Each graph is solved by itself.
+
+    Args:
+        paths: at least two.
+        progress: told how many of how many robots are solved.
 
     Raises:
         InputError: a path is neither, two inputs are the same, a file is broken, or edges lead to a robot that is
@@ -58,7 +62,12 @@ def read_robots(paths: Sequence[Path]) -> list[RobotGraph]:
                 raise InputError(f"{of_letter[letter]} and {part.name}: keys of both carry the letter "
                                  f"{chr(letter)!r} in their top byte; rename one of the robots")
             of_letter[letter] = part.name
-    return [_robot(part, of_letter) for part in parts]
+    robots: list[RobotGraph] = []
+    for part in parts:
+        if progress is not None:
+            progress(len(robots), len(parts))
+        robots.append(_robot(part, of_letter))
+    return robots
 
 
 def read_landmarks(path: Path) -> tuple[list[str], Array]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations
 from typing import Any
@@ -23,6 +23,9 @@ from clew.solve import Solution, Status, optimize
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
+
+#: Told how many of how many are done.
+Progress = Callable[[int, int], None]
 
 #: Maps that are merged over two ways must agree: greatest distance between where the two put a landmark or pose.
 LOOP_DISTANCE = 1.0
@@ -63,8 +66,16 @@ class MergedFleet:
         return self.solution.graph.values(self.keys[robot][1][own])
 
 
-def merge(robots: Sequence[RobotGraph], options: MergeOptions | None = None) -> MergedFleet:
+def merge(
+    robots: Sequence[RobotGraph], options: MergeOptions | None = None, *, progress: Progress | None = None
+) -> MergedFleet:
     """Merge robots that share landmarks, saw each other or have relative poses between their graphs.
+
+    Args:
+        robots: at least two; see `robot_graph`.
+        options: when two maps count as overlapping.
+        progress: called with the number of pairs of robots that have been compared and the number of all pairs; when
+            all are, the joint graph is solved.
 
     Raises:
         InputError: fewer than two robots, two of one name, poses of different kinds, robots that have nothing in
@@ -74,7 +85,7 @@ def merge(robots: Sequence[RobotGraph], options: MergeOptions | None = None) -> 
     options = options or MergeOptions()
     _check(robots)
     kind = robots[0].pose_kind
-    links, refusals = _links(robots, options)
+    links, refusals = _links(robots, options, progress or (lambda done, most: None))
     frames = _frames(robots, links, refusals, kind)
     _check_loops(robots, links, frames, kind)
     tables = separate_keys([robot.graph for robot in robots], [robot.name for robot in robots])
@@ -107,11 +118,13 @@ def _check(robots: Sequence[RobotGraph]) -> None:
         raise InputError("some robots have poses in the plane, others in space; merge robots of one kind")
 
 
-def _links(robots: Sequence[RobotGraph],
-           options: MergeOptions) -> tuple[dict[tuple[int, int], Link], dict[tuple[int, int], str]]:
+def _links(robots: Sequence[RobotGraph], options: MergeOptions,
+           progress: Progress) -> tuple[dict[tuple[int, int], Link], dict[tuple[int, int], str]]:
     """Relative poses of all pairs for which there is one, and for the others the reason why not."""
     links, refusals = {}, {}
-    for a, b in combinations(range(len(robots)), 2):
+    pairs = list(combinations(range(len(robots)), 2))
+    for done, (a, b) in enumerate(pairs):
+        progress(done, len(pairs))
         link = _by_edges(robots[a], robots[b], options)
         if isinstance(link, Link):
             links[a, b] = link
@@ -124,6 +137,7 @@ def _links(robots: Sequence[RobotGraph],
             links[a, b] = Link(found.T_a_b, found.support, found)
         else:
             refusals[a, b] = f"{link}, and {_reason(found)}"
+    progress(len(pairs), len(pairs))
     return links, refusals
 
 

@@ -151,8 +151,8 @@ class Slam:
         return np.asarray(se2.log(se2.between(T_odom_robot, end)) / sweep, dtype=np.float64)
 
     def optimise(self) -> None:
-        """Move all keyframes to where odometry and closures agree best, the latest closures included."""
-        self._closer.settle()
+        """Move all keyframes to where odometry and closures agree best, with those closures that only now are sure."""
+        self._closer.finish()
         self._pose_graph.optimise(to_the_end=True)
         self._viewer.moved(self)
 

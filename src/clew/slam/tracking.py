@@ -97,7 +97,7 @@ class Tracker:
         if velocity is None and scan.time_increment > 0.0:
             still, points, match = self._match_sweep(scan, still, points, match, prediction)
         moved = se2.between(self._T_keyframe_robot, match.pose)
-        self._predictor.moved(scan.timestamp, T_odom_robot, moved, match.matched)
+        self._predictor.moved(scan.timestamp, T_odom_robot, moved, match.information)
         self._T_keyframe_robot, self._covariance, self._scan = match.pose, match.covariance, still
         self._kept = match.kept @ self._kept
         covariance = self._step_covariance()

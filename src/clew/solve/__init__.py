@@ -1,5 +1,6 @@
 """Non-linear least squares on factor graphs: compile, initialise, optimise, covariance, diagnosis."""
 
+from clew.solve.aligned import AlignedCovariances, aligned_covariances
 from clew.solve.gauge import Part
 from clew.solve.loop import Progress
 from clew.solve.optimize import compile_graph, optimize
@@ -7,4 +8,14 @@ from clew.solve.problem import Problem
 from clew.solve.solution import Solution
 from clew.solve.status import Status
 
-__all__ = ["Part", "Problem", "Progress", "Solution", "Status", "compile_graph", "optimize"]
+__all__ = [
+    "AlignedCovariances",
+    "Part",
+    "Problem",
+    "Progress",
+    "Solution",
+    "Status",
+    "aligned_covariances",
+    "compile_graph",
+    "optimize",
+]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -23,6 +23,9 @@ from clew.solve import Solution, optimize
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
+
+#: Told the stage, how much of it is done, and how much it is at most.
+Progress = Callable[[str, int, int], None]
 
 _ROUNDS = 15
 _ROUNDS_BEFORE = 5  # for each robot by itself, where all are solved as one after that
@@ -82,11 +85,17 @@ class LandmarkMap:
     tracks: tuple[RobotTrack, ...]
 
 
-def map_landmarks(logs: Sequence[SightingLog]) -> LandmarkMap:
+def map_landmarks(logs: Sequence[SightingLog], *, progress: Progress | None = None) -> LandmarkMap:
     """Map what the robots saw, from odometry and recognised landmarks alone.
 
     Each robot is mapped by itself; several are then joined where they have landmarks in common and solved as one,
     with what they saw of each other. Calibration and noise of each robot are estimated on the way.
+
+    Args:
+        logs: of one robot or several.
+        progress: called with the name of a stage, how much of it is done, and how much it is at most: sightings that
+            are in a first map ("mapping"), rounds of estimating noise ("calibrating"), both over all robots, and rounds
+            with all robots in one graph ("joining").
 
     Raises:
         InputError: no log, two of one robot, a robot that saw too little, or robots without three landmarks in common.
@@ -96,7 +105,17 @@ def map_landmarks(logs: Sequence[SightingLog]) -> LandmarkMap:
     tracks = make_tracks(logs)
     _join([dict.fromkeys(np.unique(log.landmarks.identity).tolist(), np.zeros(2)) for log in logs], tracks)
     rounds = _ROUNDS if len(logs) == 1 else _ROUNDS_BEFORE
-    alone = [_settle(make_tracks([log]), *_first([log]), rounds) for log in logs]
+    sightings = np.cumsum([0, *(len(log.landmarks) for log in logs)]).tolist()
+    firsts = [
+        _first(log, _counter(progress, "mapping", before, sightings[-1]))
+        for log, before in zip(logs, sightings, strict=False)
+    ]
+    most = len(logs) * rounds
+    alone = [
+        _settle(*first, rounds, _counter(progress, "calibrating", number * rounds, most))
+        for number, first in enumerate(firsts)
+    ]
+    _counter(progress, "calibrating", 0, most)(most)
     if len(logs) == 1:
         return _result(*alone[0])
     models = [models[0] for _, models, _ in alone]
@@ -105,21 +124,35 @@ def map_landmarks(logs: Sequence[SightingLog]) -> LandmarkMap:
     for (own, _, solution), shift, track in zip(alone, shifts, tracks, strict=True):
         mapped = se2.compose(shift, read_solution(solution, own[0])[0])
         poses.append(_at_times(own[0], mapped, track))
-    return _result(*_settle(tracks, models, poses, landmarks, _ROUNDS_TOGETHER))
+    joining = _counter(progress, "joining", 0, _ROUNDS_TOGETHER)
+    together = _settle(tracks, models, poses, landmarks, _ROUNDS_TOGETHER, joining)
+    joining(_ROUNDS_TOGETHER)
+    return _result(*together)
 
 
-def _first(logs: Sequence[SightingLog]) -> tuple[list[SensorModel], list[Array], dict[int, Array]]:
-    (track,) = make_tracks(logs)
-    poses, landmarks, model = first_map(track)
-    return [model], [poses], landmarks
+def _counter(progress: Progress | None, stage: str, before: int, most: int) -> Callable[[int], None]:
+    def count(done: int) -> None:
+        if progress is not None:
+            progress(stage, before + done, most)
+
+    return count
+
+
+def _first(
+    log: SightingLog, progress: Callable[[int], None]
+) -> tuple[tuple[RobotTrack, ...], list[SensorModel], list[Array], dict[int, Array]]:
+    tracks = make_tracks([log])
+    poses, landmarks, model = first_map(tracks[0], progress)
+    return tracks, [model], [poses], landmarks
 
 
 def _settle(
     tracks: tuple[RobotTrack, ...], models: list[SensorModel], poses: list[Array], landmarks: dict[int, Array],
-    rounds: int,
+    rounds: int, progress: Callable[[int], None],
 ) -> tuple[tuple[RobotTrack, ...], list[SensorModel], Solution]:
     """Solve and re-estimate the noise in turn, until it stays."""
-    for last in (*[False] * (rounds - 1), True):
+    for done, last in enumerate((*[False] * (rounds - 1), True)):
+        progress(done)
         graph, factors = build_graph(tracks, models, poses, landmarks)
         solution = optimize(graph, init="file", max_iterations=40, cost_tolerance=1e-7 if last else 1e-5)
         landmarks, poses, found = {}, [], []

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from clew.factors import Prior
+from clew.factors import CalibratedBearing, CalibratedRange, Prior
 from clew.geometry import SE2, Point2
 from clew.graph import Factor, FactorGraph
 from clew.slam.landmarks.model import PRIOR, SensorModel
@@ -24,15 +24,17 @@ class RobotFactors:
 
     Attributes:
         motion: between its keyframes.
+        drift: of the scales of its odometry about zero.
         sources: ``(6, S, 3, 3)`` covariance of each motion by source.
         sightings: range and bearing of landmarks.
         mates: range and bearing of other robots, or None.
     """
 
     motion: Factor
+    drift: Factor
     sources: Array
-    sightings: tuple[Factor, Factor]
-    mates: tuple[Factor, Factor] | None
+    sightings: tuple[CalibratedRange, CalibratedBearing]
+    mates: tuple[CalibratedRange, CalibratedBearing] | None
 
 
 def build_graph(
@@ -58,16 +60,21 @@ def build_graph(
     for track, model in zip(tracks, models, strict=True):
         keys = track.calibration_keys
         graph.add_point(model.calibration.points, key=keys)
-        graph.add(Prior(keys, Point2.from_array(np.zeros((5, 2))), sigmas=PRIOR.points))
+        drawn = -model.pull * PRIOR.points**2  # a force is a prior about another place
+        graph.add(Prior(keys, Point2.from_array(drawn), sigmas=PRIOR.points))
         motion, sources = track.motion_factor(model)
+        drifting = np.unique(track.drift_keys)
+        none = Point2.from_array(np.zeros((len(drifting), 2)))
+        graph.add_point(none, key=drifting)
+        drift = Prior(drifting, none, sigmas=[model.drift.speed, model.drift.turn])
         seen, mates = track.log.landmarks, track.log.robots
         sightings = track.sighting_factors(seen, seen.identity, model.landmarks)
         of_robots = None
         if len(mates):
             target = keys_of(tracks, mates.identity, mates.timestamp)
             of_robots = track.sighting_factors(mates, target, model.robots, SE2)
-        for factor in (motion, *sightings, *(of_robots or ())):
+        for factor in (motion, drift, *sightings, *(of_robots or ())):
             graph.add(factor)
-        kept.append(RobotFactors(motion, sources, sightings, of_robots))
+        kept.append(RobotFactors(motion, drift, sources, sightings, of_robots))
     graph.set_constant(int(tracks[0].keys[0]))
     return graph, kept

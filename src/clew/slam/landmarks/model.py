@@ -17,46 +17,54 @@ class Calibration:
     """Deviations of a robot's odometry and camera from what they claim, all of them zero at first.
 
     The whole map can be scaled together with speeds and ranges, so one of the two has to be believed: the ranges, on
-    the average over all bearings that occur; see `SCALE_UNCERTAINTY`.
+    the average over all sightings, whatever their bearing and range; see `SCALE_UNCERTAINTY`.
 
     Attributes:
         speed_scale, turn_scale: share by which the robot is faster, and turns faster, than the odometry says.
         turn_bias: radians a second that it turns while it drives straight on.
         delay: seconds by which the motion lags behind the odometry's time stamps.
+        range_scale: share by which this camera's ranges are too long on the average.
+        range_offset: metres that are added to every range, beside what that changes on the average.
         range_slope, range_curve: how the share by which ranges are too long changes with the bearing and its square,
             1/radian, 1/radian^2.
         bearing_offset: radians by which bearings are too large: the camera's mounting.
-        bearing_slope, bearing_curve: how that changes with the bearing and its square.
-        forward: metres that the camera is ahead of the robot's centre of motion.
+        bearing_slope, bearing_curve, bearing_cube: how that changes with the bearing, its square and its cube.
+        forward, left: metres that the camera is ahead of the robot's centre of motion, and to the left of it.
     """
 
     speed_scale: float = 0.0
     turn_scale: float = 0.0
     turn_bias: float = 0.0
     delay: float = 0.0
+    range_scale: float = 0.0
+    range_offset: float = 0.0
     range_slope: float = 0.0
     range_curve: float = 0.0
     bearing_offset: float = 0.0
     bearing_slope: float = 0.0
     bearing_curve: float = 0.0
+    bearing_cube: float = 0.0
     forward: float = 0.0
+    left: float = 0.0
 
     @property
     def points(self) -> Array:
-        """``(5, 2)`` the values as they are in the graph, two a variable."""
-        return np.array(list(asdict(self).values())).reshape(5, 2)
+        """``(7, 2)`` the values as they are in the graph, two a variable."""
+        return np.array(list(asdict(self).values())).reshape(7, 2)
 
     @classmethod
     def from_points(cls, points: Array) -> Calibration:
-        """From ``(5, 2)`` values."""
+        """From ``(7, 2)`` values."""
         return cls(*points.reshape(-1).tolist())
 
+
+_NEGLIGIBLE = 0.01  # deviations below do not matter beside the others
 
 #: Standard deviation of the scale of the ranges. Nothing in the data tells it; covariances of results include it.
 SCALE_UNCERTAINTY = 0.01
 
 #: Deviations that are to be expected, in the order of the fields; wide but for the scale of the ranges.
-PRIOR = Calibration(0.2, 0.2, 0.02, 0.2, 0.3, 0.5, 0.1, 0.1, 0.1, 0.05)
+PRIOR = Calibration(0.2, 0.2, 0.02, 0.2, 0.01, 0.1, 0.3, 0.5, 0.1, 0.1, 0.1, 0.2, 0.05, 0.05)
 
 
 @dataclass(frozen=True)
@@ -77,30 +85,47 @@ class SightingNoise:
 
 
 @dataclass(frozen=True)
+class ScaleDrift:
+    """How much the scales of the odometry differ from one while to the next: load, ground, and wheels that slip.
+
+    Attributes:
+        speed: deviation of the scale of speeds.
+        turn: deviation of the scale of turn rates.
+    """
+
+    speed: float = 0.03
+    turn: float = 0.05
+
+
+@dataclass(frozen=True, eq=False)
 class SensorModel:
     """A robot's calibration and noise.
 
     Attributes:
         calibration: see `Calibration`.
         motion: random walk of the odometry.
+        drift: of the scales in the calibration.
         landmarks: noise of sightings of landmarks.
         robots: noise of sightings of other robots.
+        pull: ``(7, 2)`` by what the points of the calibration are drawn, see `clew.slam.landmarks.noise.pull`.
     """
 
     calibration: Calibration = Calibration()
     motion: VelocityNoise = field(default_factory=lambda: VelocityNoise(0.1, 0.05, 0.1, 0.2, 0.003, 0.003))
+    drift: ScaleDrift = ScaleDrift()
     landmarks: SightingNoise = SightingNoise()
     robots: SightingNoise = field(default_factory=SightingNoise)
+    pull: Array = field(default_factory=lambda: np.zeros((7, 2)))
 
     def to_dict(self) -> dict[str, dict[str, float]]:
         """Plain numbers."""
-        return asdict(self)
+        return {f.name: asdict(getattr(self, f.name)) for f in fields(self) if f.name != "pull"}
 
     def change(self, other: SensorModel) -> float:
         """Largest change of a noise parameter from this model to another, as a share."""
         pairs = [
             (getattr(mine, f.name), getattr(its, f.name))
-            for mine, its in ((self.motion, other.motion), (self.landmarks, other.landmarks))
+            for mine, its in ((self.motion, other.motion), (self.drift, other.drift), (self.landmarks, other.landmarks))
             for f in fields(mine)
         ]
-        return max(float(abs(b - a) / max(a, b, 1e-4)) for a, b in pairs)
+        return max(float(abs(b - a) / max(a, b, _NEGLIGIBLE)) for a, b in pairs)

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from clew.factors import Between, PointObservation
-from clew.geometry import SE2, Point2
+from clew.geometry import SE2, Point2, se2, wrap
 from clew.graph import Factor, FactorGraph
 from clew.io import Sightings
 from clew.slam.landmarks.model import SensorModel, SightingNoise
@@ -22,7 +22,8 @@ def plain_graph(tracks: Sequence[RobotTrack], models: Sequence[SensorModel], sol
     """Odometry as `Between`, sightings as `PointObservation`, at the values of the solution.
 
     Sightings of robots are relative poses without any information about the heading. Robust weights are in the
-    covariances, for files have no kernels: outliers at the solution have little weight.
+    covariances, for files have no kernels: outliers at the solution have little weight. The graph has its minimum
+    where the solution is: see `_points`.
     """
     graph = FactorGraph()
     identities = np.unique(np.concatenate([track.log.landmarks.identity for track in tracks]))
@@ -31,21 +32,28 @@ def plain_graph(tracks: Sequence[RobotTrack], models: Sequence[SensorModel], sol
     graph.add_point(_values(solution, Point2, identities), key=identities)
     for track, model in zip(tracks, models, strict=True):
         motion, _ = track.motion_factor(model)
-        graph.add(Between(track.keys[:-1], track.keys[1:], motion.measurement[:, :3], information=motion.information))
+        drift = _values(solution, Point2, track.drift_keys)
+        parameters = [*np.broadcast_to(model.calibration.points[:2, None], (2, len(drift), 2)), drift]
+        graph.add(
+            Between(track.keys[:-1], track.keys[1:], motion.motion_at(*parameters), information=motion.information)
+        )
         seen, mates = track.log.landmarks, track.log.robots
         keys = track.keys[track.rows(seen)]
         weights = _weights(solution, track.sighting_factors(seen, seen.identity, model.landmarks))
-        points, information = _points(track, model, seen, model.landmarks, weights)
+        local = se2.act(se2.inverse(_values(solution, SE2, keys)), _values(solution, Point2, seen.identity))
+        points, information = _points(track, model, seen, model.landmarks, weights, local)
         graph.add(PointObservation(keys, seen.identity, points, information=information))
         if len(mates):
             target = keys_of(tracks, mates.identity, mates.timestamp)
             weights = _weights(solution, track.sighting_factors(mates, target, model.robots, SE2))
-            points, information = _points(track, model, mates, model.robots, weights)
+            keys = track.keys[track.rows(mates)]
+            local = se2.between(_values(solution, SE2, keys), _values(solution, SE2, target))[:, :2]
+            points, information = _points(track, model, mates, model.robots, weights, local)
             padded = np.zeros((len(mates), 3, 3))
             padded[:, :2, :2] = information
             flat = np.column_stack([points, np.zeros(len(points))])
             graph.add(
-                Between(track.keys[track.rows(mates)], target, flat, information=padded, role="observation")
+                Between(keys, target, flat, information=padded, role="observation")
             )
     graph.set_constant(int(tracks[0].keys[0]))
     return graph
@@ -70,16 +78,24 @@ def _weights(solution: Solution, pair: tuple[Factor, Factor]) -> Array:
 
 
 def _points(
-    track: RobotTrack, model: SensorModel, seen: Sightings, noise: SightingNoise, weights: Array
+    track: RobotTrack, model: SensorModel, seen: Sightings, noise: SightingNoise, weights: Array, local: Array
 ) -> tuple[Array, Array]:
-    """Positions ``(K, 2)`` in the robot's frame, and their information."""
+    """Positions ``(K, 2)`` in the robot's frame, and their information.
+
+    The errors of range and bearing are laid off along and across the ray on which the solution has the thing that was
+    seen, ``local (K, 2)``: so each costs what it costs in the solution. On the measured ray a bearing that is far off
+    would turn into an error of the range, which no weight has reckoned with.
+    """
     distance, bearing = track.corrected(seen, model.calibration)
-    ray = np.stack([np.cos(bearing), np.sin(bearing)], axis=1)
+    view = local - [model.calibration.forward, model.calibration.left]
+    far = np.hypot(*view.T)
+    ray = view / far[:, None]
     across = np.stack([-ray[:, 1], ray[:, 0]], axis=1)
-    along_weight = weights[:, 0] / (noise.range**2 * noise.range_repeats)
-    across_weight = weights[:, 1] / ((noise.bearing * distance) ** 2 * noise.bearing_repeats)
+    turned = wrap(bearing - np.arctan2(view[:, 1], view[:, 0]))
+    along_weight = weights[:, 0] * (seen.range / distance) ** 2 / (noise.range**2 * noise.range_repeats)
+    across_weight = weights[:, 1] / ((noise.bearing * far) ** 2 * noise.bearing_repeats)
     information = (
         along_weight[:, None, None] * ray[:, :, None] * ray[:, None, :]
         + across_weight[:, None, None] * across[:, :, None] * across[:, None, :]
     )
-    return track.points(seen, model.calibration), information
+    return local + (distance - far)[:, None] * ray + (far * turned)[:, None] * across, information

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -22,11 +23,13 @@ _LOST = 0.3  # metres between sightings and the map, in the median, at which a p
 _FOUND = 0.5  # share of that distance that must remain at most
 
 
-def first_map(track: RobotTrack) -> tuple[Array, dict[int, Array], SensorModel]:
+def first_map(
+    track: RobotTrack, progress: Callable[[int], None]
+) -> tuple[Array, dict[int, Array], SensorModel]:
     """Poses ``(N, 3)``, landmarks and calibration from solving ever longer parts of the log.
 
     Each new piece is attached by odometry; where the landmarks that it sees lie far from where they were, it is first
-    moved rigidly onto them.
+    moved rigidly onto them. `progress` is told how many sightings are in the map.
     """
     model, poses, landmarks = SensorModel(), np.zeros((1, 3)), dict[int, Array]()
     ends = np.append(np.arange(track.timestamps[0] + _PIECE, track.timestamps[-1], _PIECE), track.timestamps[-1])
@@ -42,6 +45,7 @@ def first_map(track: RobotTrack) -> tuple[Array, dict[int, Array], SensorModel]:
         poses, landmarks, calibration = read_solution(solution, part)
         if len(poses) > _FEWEST:
             model = replace(model, calibration=calibration)
+        progress(len(part.log.landmarks))
     return poses, landmarks, model
 
 

@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 from clew.errors import InputError
 from clew.factors import CalibratedBearing, CalibratedRange, PreintegratedMotion
 from clew.geometry import Point2, se2, wrap
-from clew.graph import Factor
 from clew.io import SightingLog, Sightings
 from clew.motion import Pieces, Preintegrated, cut, preintegrate, velocity_motion
 from clew.noise import Cauchy
@@ -23,7 +22,8 @@ Indices = NDArray[np.int64]
 
 #: Robot ``n`` has the pose keys ``n * KEYS_A_ROBOT + i``; landmarks have their identity as key.
 KEYS_A_ROBOT = 1_000_000
-_CALIBRATION_KEYS = 900_000
+_CALIBRATION_KEYS, _DRIFT_KEYS = 900_000, 910_000
+_WHILE = 10.0  # seconds that the scales of the odometry stay as they are
 _LONGEST_STRETCH = 0.5  # seconds between keyframes
 #: Degrees of freedom of Student's t distribution: heavy tails, but with a variance.
 TAIL = 4.0
@@ -36,14 +36,13 @@ class RobotTrack:
     Attributes:
         log: what the robot recorded.
         timestamps: ``(N,)`` of the keyframes, seconds.
-        mean_bearing, mean_square: averages over the sightings, each weighed with its range; `Calibration` counts
-            from them.
+        means: ``(4,)`` averages of the bearing, its square, its cube and the inverse range over the sightings, each
+            weighed with its range; `Calibration` counts from them.
     """
 
     log: SightingLog
     timestamps: Array
-    mean_bearing: float
-    mean_square: float
+    means: Array
 
     @property
     def keys(self) -> Indices:
@@ -52,8 +51,15 @@ class RobotTrack:
 
     @property
     def calibration_keys(self) -> list[int]:
-        """Keys of the five points of parameters of `Calibration.points`."""
-        return [self.log.robot * KEYS_A_ROBOT + _CALIBRATION_KEYS + k for k in range(5)]
+        """Keys of the seven points of parameters of `Calibration.points`."""
+        return [self.log.robot * KEYS_A_ROBOT + _CALIBRATION_KEYS + k for k in range(7)]
+
+    @property
+    def drift_keys(self) -> Indices:
+        """``(S,)`` keys of the deviation of the odometry's scales, for each motion between keyframes."""
+        passed = self.timestamps[:-1] - self.timestamps[0]
+        keys: Indices = self.log.robot * KEYS_A_ROBOT + _DRIFT_KEYS + (passed / _WHILE).astype(np.int64)
+        return keys
 
     def until(self, timestamp: float) -> RobotTrack:
         """The part up to a time."""
@@ -62,27 +68,35 @@ class RobotTrack:
             self.log.path, self.log.robot, self.log.odometry, seen.take(seen.timestamp <= timestamp),
             self.log.robots.take(self.log.robots.timestamp <= timestamp), self.log.truth, self.log.report,
         )  # fmt: skip
-        return RobotTrack(log, self.timestamps[self.timestamps <= timestamp], self.mean_bearing, self.mean_square)
+        return RobotTrack(log, self.timestamps[self.timestamps <= timestamp], self.means)
 
     def rows(self, seen: Sightings) -> Indices:
         """Keyframe ``(K,)`` of each sighting."""
         return np.searchsorted(self.timestamps, seen.timestamp)
 
-    def basis(self, seen: Sightings) -> tuple[Array, Array]:
-        """``f_1`` and ``f_2`` ``(K,)`` of `clew.factors.CalibratedRange`."""
-        return seen.bearing - self.mean_bearing, seen.bearing**2 - self.mean_square
+    def range_basis(self, seen: Sightings) -> Array:
+        """``f_1``, ``f_2`` and ``f_3`` ``(K, 3)`` of `clew.factors.CalibratedRange`."""
+        offsets = _powers(seen.bearing)[:, :2] - self.means[:2]
+        return np.column_stack([offsets, np.full(len(seen), self.means[3])])
 
     def corrected(self, seen: Sightings, calibration: Calibration) -> tuple[Array, Array]:
         """Range and bearing ``(K,)`` from the camera that a perfect one would have measured."""
-        c, (f1, f2) = calibration, self.basis(seen)
-        stretch = 1.0 + c.range_slope * f1 + c.range_curve * f2
-        bearing = seen.bearing - c.bearing_offset - c.bearing_slope * f1 - c.bearing_curve * f2
-        return seen.range / stretch, wrap(bearing)
+        c, (f1, f2, f3) = calibration, self.range_basis(seen).T
+        stretch = 1.0 + c.range_scale + c.range_slope * f1 + c.range_curve * f2 - c.range_offset * f3
+        weights = np.array([c.bearing_slope, c.bearing_curve, c.bearing_cube])
+        bearing = seen.bearing
+        for _ in range(3):  # Newton's method; the distortion is mild
+            moved = bearing + c.bearing_offset + (_powers(bearing) - self.means[:3]) @ weights
+            slope = 1.0 + np.stack([np.ones(len(seen)), 2.0 * bearing, 3.0 * bearing**2], axis=1) @ weights
+            bearing = bearing - (moved - seen.bearing) / slope
+        return (seen.range - c.range_offset) / stretch, wrap(bearing)
 
     def points(self, seen: Sightings, calibration: Calibration) -> Array:
         """What was seen ``(K, 2)``, in the frame of the robot at the time."""
         distance, bearing = self.corrected(seen, calibration)
-        return np.stack([distance * np.cos(bearing) + calibration.forward, distance * np.sin(bearing)], axis=1)
+        rays = np.stack([np.cos(bearing), np.sin(bearing)], axis=1)
+        seen_from_robot: Array = distance[:, None] * rays + [calibration.forward, calibration.left]
+        return seen_from_robot
 
     def _controls(self, model: SensorModel) -> tuple[Pieces, Array, Array]:
         """Pieces of the odometry between keyframes, and its speed and turn rate ``(N,)`` in each, as they were read."""
@@ -127,31 +141,34 @@ class RobotTrack:
         keys = self.keys
         covariance = sources.sum(axis=0) + 1e-10 * np.eye(3)  # a robot that stands still has moved by a hair
         first, second, *_ = self.calibration_keys
+        reference = np.append(model.calibration.points[:2], [0.0, 0.0])
         factor = PreintegratedMotion(
-            keys[:-1], keys[1:], (first, second), whole.motion, by_parameter,
-            model.calibration.points[:2].reshape(-1), covariance=covariance,
+            keys[:-1], keys[1:], (first, second, self.drift_keys), whole.motion,
+            np.concatenate([by_parameter, by_parameter[:, :, :2]], axis=2), reference, unit=0, covariance=covariance,
         )  # fmt: skip
         return factor, sources
 
     def sighting_factors(
         self, seen: Sightings, target: Indices, noise: SightingNoise, sees: type[Any] = Point2
-    ) -> tuple[Factor, Factor]:
+    ) -> tuple[CalibratedRange, CalibratedBearing]:
         """Factors of ranges and of bearings to targets with the given ``(K,)`` keys.
 
         Student's t distribution is a robust kernel: ``-2 log p = c^2 log(1 + e^2 / (n sigma^2))`` up to a constant,
         with ``c^2 = n + 1``, all of it divided by the number of sightings that count as one.
         """
         keys, parameters = self.keys[self.rows(seen)], self.calibration_keys
-        f1, f2 = self.basis(seen)
-        parts = (
-            (CalibratedRange, (2, 4), seen.range, noise.range, noise.range_repeats),
-            (CalibratedBearing, (3, 4), seen.bearing, noise.bearing, noise.bearing_repeats),
-        )
-        ranges, bearings = (
-            factor(keys, target, [parameters[k] for k in points], measured, f1, f2, sees=sees,
-                   sigmas=scale * np.sqrt(repeats * TAIL / (TAIL + 1.0)),
-                   kernel=Cauchy(np.sqrt((TAIL + 1.0) / repeats)))
-            for factor, points, measured, scale, repeats in parts
+
+        def likelihood(scale: float, repeats: float) -> dict[str, Any]:
+            return {"sigmas": scale * np.sqrt(repeats * TAIL / (TAIL + 1.0)),
+                    "kernel": Cauchy(np.sqrt((TAIL + 1.0) / repeats)), "sees": sees}  # fmt: skip
+
+        ranges = CalibratedRange(
+            keys, target, [parameters[k] for k in (2, 3, 6)], seen.range, self.range_basis(seen),
+            **likelihood(noise.range, noise.range_repeats),
+        )  # fmt: skip
+        bearings = CalibratedBearing(
+            keys, target, [parameters[k] for k in (4, 5, 6)], seen.bearing, self.means[:3],
+            **likelihood(noise.bearing, noise.bearing_repeats),
         )  # fmt: skip
         return ranges, bearings
 
@@ -207,7 +224,12 @@ def _make_track(log: SightingLog, mates: Mapping[int, Sightings]) -> RobotTrack:
     # times of sightings must be found again exactly
     frames[np.append(np.cumsum(parts) - parts, len(start))] = stamps
     weight = seen.range / seen.range.sum()
-    return RobotTrack(log, np.unique(frames), float(weight @ seen.bearing), float(weight @ seen.bearing**2))
+    means = np.append(weight @ _powers(seen.bearing), len(seen) / seen.range.sum())
+    return RobotTrack(log, np.unique(frames), means)
+
+
+def _powers(bearing: Array) -> Array:
+    return np.stack([bearing, bearing**2, bearing**3], axis=1)
 
 
 def keys_of(tracks: Sequence[RobotTrack], robot: Indices, timestamps: Array) -> Indices:
