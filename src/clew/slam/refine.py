@@ -129,13 +129,15 @@ def refine(
     clouds = [index_cloud(cloud) for cloud in keyframes.clouds(numbers)]
     graph = graph.copy()
     poses = np.asarray(graph.values(numbers).array)
-    added: NDArray[np.int64] | None = None
+    steps, placed = _steps(graph)
     variance = 1.0
     for round_ in range(options.rounds):
         aligned = _align_pairs(clouds, numbers, poses, round_, config, sensor)
-        if added is not None:
-            graph.remove(added)
-        added = None if aligned is None else np.atleast_1d(np.asarray(graph.add(aligned.factor(numbers, variance))))
+        graph.remove(placed)
+        weighed = [_weighed(step, variance) for step in steps]
+        if aligned is not None:
+            weighed.append(aligned.factor(numbers, variance))
+        placed = np.concatenate([np.atleast_1d(np.asarray(graph.add(factor))) for factor in weighed])
         optimize(graph, init="file", update=True)
         moved_to = np.asarray(graph.values(numbers).array)
         if aligned is not None:
@@ -147,6 +149,27 @@ def refine(
         if (movement < options.movement and round_ + 1 >= len(RADII)) or (stop is not None and stop()):
             break
     return graph
+
+
+def _steps(graph: FactorGraph) -> tuple[list[Between], NDArray[np.int64]]:
+    """The edges that the front end made, and what was left of them when keyframes were pruned, with their ids.
+
+    They rest on returns as the pairs do, and are worth more or less as these are.
+    """
+    steps, ids = [], [np.zeros(0, dtype=np.int64)]
+    for role in (Role.ODOMETRY, Role.MARGINAL):
+        for block, numbers in zip(graph.blocks(role), graph.block_ids(role), strict=True):
+            if isinstance(block, Between):
+                steps.append(block)
+                ids.append(np.asarray(numbers))
+    return steps, np.concatenate(ids)
+
+
+def _weighed(step: Between, variance: float) -> Between:
+    return Between(
+        step.keys[:, 0], step.keys[:, 1], SE2.from_array(step.measurement),
+        information=with_variance(step.information, variance), role=step.role, kernel=step.kernel,
+    )  # fmt: skip
 
 
 def _align_pairs(
