@@ -8,7 +8,7 @@ other tells what they are worth (`clew.slam.pair_noise`).
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -19,9 +19,8 @@ from clew.factors import Between
 from clew.geometry import SE2, se2
 from clew.graph import FactorGraph, Role
 from clew.noise import Cauchy
-from clew.scan import IndexedClouds, align, index_cloud, join, with_new_partners, without_normal_noise
+from clew.scan import IndexedClouds, ScanPoints, align, index_cloud, join, with_new_partners, without_normal_noise
 from clew.slam.config import SlamConfig
-from clew.slam.keyframes import KeyframeStore
 from clew.slam.pair_noise import pair_variance, returns_once, with_variance
 from clew.slam.pose_graph import LEAST_INFORMATION
 from clew.slam.sensor import SensorModel
@@ -103,7 +102,8 @@ def overlapping_pairs(poses: Array, radius: float, neighbours: int, numbers: Ind
 
 
 def refine(
-    keyframes: KeyframeStore,
+    clouds: Sequence[ScanPoints],
+    numbers: Index,
     graph: FactorGraph,
     config: SlamConfig,
     sensor: SensorModel,
@@ -115,7 +115,8 @@ def refine(
     The edges that it has stay: odometry and closures know what single scans do not, along a bare corridor above all.
 
     Args:
-        keyframes: all keyframes that have not been dropped.
+        clouds: returns of ``K`` keyframes, each in its robot's frame.
+        numbers: ``(K,)`` their numbers, rising.
         graph: odometry and closures; keys are the numbers of the keyframes, values are where to begin. Left as it is.
         config: `SlamConfig.refinement` and `threads` are used.
         sensor: how returns are weighted.
@@ -125,14 +126,13 @@ def refine(
     options = config.refinement
     if progress is not None:
         progress(0, options.rounds)
-    numbers = keyframes.alive
-    clouds = [index_cloud(cloud) for cloud in keyframes.clouds(numbers)]
+    indexed = [index_cloud(cloud) for cloud in clouds]
     graph = graph.copy()
     poses = np.asarray(graph.values(numbers).array)
     steps, placed = _steps(graph)
     variance = 1.0
     for round_ in range(options.rounds):
-        aligned = _align_pairs(clouds, numbers, poses, round_, config, sensor)
+        aligned = _align_pairs(indexed, numbers, poses, round_, config, sensor)
         graph.remove(placed)
         weighed = [_weighed(step, variance) for step in steps]
         if aligned is not None:
