@@ -66,7 +66,7 @@ def test_joint_compatibility_sees_through_a_shifted_pose() -> None:
     joint = common + 1e-4 * np.eye(8)
     noise = unit(3, 1e-4)
     own = np.array([joint[2 * j : 2 * j + 2, 2 * j : 2 * j + 2] for j in range(4)])
-    assert joint_compatibility(z, predicted, joint, noise, GATES).tolist() == [0, 1, 3]
+    assert joint_compatibility(z, predicted, joint, noise, GATES).landmark.tolist() == [0, 1, 3]
     assert nearest_neighbour(z, predicted, own, noise, GATES).tolist() != [0, 1, 3]
 
 
@@ -78,7 +78,10 @@ def test_branch_and_bound_finds_what_trying_all_finds() -> None:
         root = 0.25 * rng.standard_normal((2 * known, 2 * known))
         joint = root @ root.T + 1e-3 * np.eye(2 * known)
         z, noise = rng.uniform(0.0, 1.5, (count, 2)), unit(count)
-        found = joint_compatibility(z, predicted, joint, noise, replace(GATES, margin=-np.inf))
+        own = joint.reshape(known, 2, known, 2)[np.arange(known), :, np.arange(known)]
+        near = (compatibility(z, predicted, own, noise)[0] <= GATES.limit_known).sum(axis=1)
+        z = z[np.argsort(near, kind="stable")]  # the order in which the search takes them
+        found = joint_compatibility(z, predicted, joint, noise, GATES).compatible
         best = (-1, 0.0)
         for choice in product(range(-1, known), repeat=count):
             rows = [r for r, j in enumerate(choice) if j >= 0]

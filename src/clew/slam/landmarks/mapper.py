@@ -12,12 +12,20 @@ from clew.factors import Between, PointObservation
 from clew.geometry import SE2, Point2, se2
 from clew.graph import FactorGraph
 from clew.noise import information_from_covariance, information_from_matrix
-from clew.place import NEW, Gates, joint_compatibility, landmark_density, nearest_neighbour
+from clew.place import NEW, Gates, joint_compatibility, nearest_neighbour
 from clew.slam.landmarks.components import VarianceComponents, inverted
 from clew.slam.landmarks.existence import never_there
 from clew.slam.landmarks.filter import LandmarkFilter
 from clew.slam.landmarks.record import Motions, Seen
-from clew.slam.landmarks.review import LooseSightings, contradicted, find_again, join, join_singles, points_of
+from clew.slam.landmarks.review import (
+    LooseSightings,
+    contradicted,
+    density_of,
+    find_again,
+    join,
+    join_singles,
+    points_of,
+)
 from clew.solve import Solution, optimize
 
 Array = NDArray[np.float64]
@@ -139,7 +147,8 @@ class LandmarkMapper:
             near = np.flatnonzero((distance <= gates.limit_new * reach).any(axis=0))
             some, joint = self._filter.predict(near)
             joint = joint.reshape(2 * len(near), 2 * len(near))
-            found = joint_compatibility(z, some, joint, noise, gates, self._density)
+            moment = joint_compatibility(z, some, joint, noise, gates, self._density)
+            found = moment.landmark
             if len(near):
                 found = np.where(found >= 0, near[np.maximum(found, 0)], found)
         else:
@@ -256,9 +265,9 @@ class LandmarkMapper:
         """Give sightings without a landmark to one, or make one of them."""
         landmark = self._seen.landmark
         loose = np.flatnonzero(landmark < 0)
-        keys = np.unique(landmark[landmark >= 0])
+        keys, counts = np.unique(landmark[landmark >= 0], return_counts=True)
         points = points_of(solution, keys)
-        density = landmark_density(points)
+        density = density_of(points, counts)
         changed = False
         for pose in np.unique(self._seen.pose[loose]).tolist():
             here = np.flatnonzero(self._seen.pose == pose)
@@ -292,7 +301,10 @@ class LandmarkMapper:
         keys, points = np.empty(0, np.int64), np.zeros((0, 2))
         if Point2 in solution.kinds:
             keys, points = solution.keys(Point2), solution.values(Point2).array
-            self._density = landmark_density(points)
+            order = np.argsort(keys)
+            keys, points = keys[order], points[order]
+            used = self._seen.landmark[self._seen.landmark >= 0]
+            self._density = density_of(points, np.bincount(np.searchsorted(keys, used), minlength=len(keys)))
             near = np.linalg.norm(points - at[:2], axis=1) <= self._reach(solution)
             keys, points = keys[near], points[near].copy()
         covariance = solution.joint_covariance([self._pose, *keys.tolist()])

@@ -18,10 +18,12 @@ from clew.solve import Solution
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
+Flags = NDArray[np.bool_]
 
 _FURTHEST = 4.0  # standard deviations of two landmarks that may be one
 _DOUBT = 9.0  # factor of the covariances: drift may be worse than residuals tell, for it is not all white
 _NEIGHBOURS = 6
+_SURE = 3  # sightings of a landmark that is no longer provisional
 _MOST = 400  # landmarks that are compared with each other at a time
 
 
@@ -58,13 +60,13 @@ def join(solution: Solution, seen: Seen, recent: int = 0) -> dict[int, int]:
     points, spread = points_of(solution, keys), solution.covariances(Point2)
     order = np.argsort(solution.keys(Point2))
     deviation = np.sqrt(np.trace(spread[order][np.searchsorted(solution.keys(Point2)[order], keys)], axis1=1, axis2=2))
-    density = landmark_density(points)
+    density = density_of(points, counts)
     new = np.isin(keys, landmark[-recent:])
-    chosen = _near_another(points, np.sqrt(_DOUBT) * deviation, new)
+    apart = _seen_together(seen.pose, landmark, keys)
+    chosen = _near_another(points, np.sqrt(_DOUBT) * deviation, new, apart)
     if len(chosen) < 2:
         return {}
-    some = keys[chosen]
-    apart = _seen_together(seen.pose, landmark, some)
+    some, apart = keys[chosen], apart[np.ix_(chosen, chosen)]
     covariance, count = solution.joint_covariance(some), counts[chosen]
     pairs = join_landmarks(points[chosen], covariance, apart, density)
     if not pairs:
@@ -77,11 +79,11 @@ def join(solution: Solution, seen: Seen, recent: int = 0) -> dict[int, int]:
     return into
 
 
-def _near_another(points: Array, deviation: Array, new: NDArray[np.bool_]) -> Indices:
-    """Landmarks of pairs with a new one that are near in view of their uncertainties; the nearest, if too many."""
+def _near_another(points: Array, deviation: Array, new: Flags, apart: Flags) -> Indices:
+    """Landmarks of pairs with a new one that may be one in view of their uncertainties; the nearest, if too many."""
     tree = cKDTree(points)
     pairs = tree.query_pairs(2.0 * _FURTHEST * float(deviation.max()), output_type="ndarray")
-    pairs = pairs[new[pairs].any(axis=1)]
+    pairs = pairs[new[pairs].any(axis=1) & ~apart[pairs[:, 0], pairs[:, 1]]]
     length = np.linalg.norm(points[pairs[:, 0]] - points[pairs[:, 1]], axis=1)
     ratio = length / np.maximum(deviation[pairs].sum(axis=1), 1e-9)
     pairs, ratio = pairs[ratio <= _FURTHEST], ratio[ratio <= _FURTHEST]
@@ -91,7 +93,7 @@ def _near_another(points: Array, deviation: Array, new: NDArray[np.bool_]) -> In
     return np.sort(listed)
 
 
-def _seen_together(pose: Indices, landmark: Indices, keys: Indices) -> NDArray[np.bool_]:
+def _seen_together(pose: Indices, landmark: Indices, keys: Indices) -> Flags:
     """``(L, L)`` whether two landmarks were seen from one pose."""
     used = np.isin(landmark, keys)
     _, row = np.unique(pose[used], return_inverse=True)
@@ -190,6 +192,15 @@ def join_singles(solution: Solution, seen: Seen) -> dict[int, int]:
             into[int(keys[single])] = int(keys[near[density.argmax()]])
             gone.add(single)
     return into
+
+
+def density_of(points: Array, counts: Indices) -> float:
+    """Landmarks a square metre, from those ``(L, 2)`` that were seen often enough (counts ``(L,)``) to be sure of.
+
+    Provisional ones do not count: where places are seen again before the map has closed there, they are many and lie on
+    others, and a density taken from them would make every gate look crowded, and so all that follows new again.
+    """
+    return landmark_density(points[counts >= min(_SURE, int(counts.max(initial=0)))])
 
 
 def points_of(solution: Solution, keys: Indices) -> Array:
