@@ -7,6 +7,7 @@ that is found there adds evidence (joint compatibility as in Neira & Tardós 200
 
 from __future__ import annotations
 
+import logging
 from dataclasses import dataclass
 
 import numpy as np
@@ -20,7 +21,11 @@ Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 Flags = NDArray[np.bool_]
 
+_LOG = logging.getLogger(__name__)
+
 _MOST_SEEDS = 60  # pairs from which a set is grown, the likeliest first
+_MOST_PAIRS = 100  # of a set; the rest is found once it has moved the map
+_MOST_WORK = 2_000_000  # pairs that are looked at in growing sets, each as often as a pair was added
 _HOPELESS = 4.0  # times the gate: pairs so far off, given those of the set, will hardly come back into it
 _JITTER = 1e-9  # square metres; keeps exactly equal landmarks from dividing by zero
 
@@ -84,14 +89,20 @@ def join_landmarks(
     if not len(pairs.first):
         return []
     evidence = pairs.evidence(pairs.difference, pairs.own, density)
+    least, margin = np.log(options.odds), np.log(options.rival_odds)
     hypotheses: list[_Hypothesis] = []
     tried: set[int] = set()
+    work = 0
     for seed in np.argsort(-evidence, kind="stable")[:_MOST_SEEDS].tolist():
+        if work > _MOST_WORK:
+            _LOG.info("joining landmarks: rivals of a set of %d pairs among %d were not all looked for",
+                      len(hypotheses[0].rows), len(evidence))  # fmt: skip
+            break
         if seed not in tried:
-            grown = _grow(seed, float(evidence[seed]), pairs, apart, density, gate)
+            grown = _grow(seed, float(evidence[seed]), pairs, apart, density, gate, margin)
             tried.update(grown.rows)
             hypotheses.append(grown)
-    least, margin = np.log(options.odds), np.log(options.rival_odds)
+            work += len(grown.rows) * len(evidence)
     chosen: list[_Hypothesis] = []
     for h in sorted(hypotheses, key=lambda h: -h.evidence):
         if h.evidence < least:
@@ -145,13 +156,17 @@ def _candidates(points: Array, covariance: Array, apart: Flags, gate: float) -> 
 
 
 def _grow(
-    seed: int, evidence: float, pairs: _Candidates, apart: Flags, density: float, gate: float
+    seed: int, evidence: float, pairs: _Candidates, apart: Flags, density: float, gate: float, margin: float
 ) -> _Hypothesis:
-    """Take a pair for one, then again and again the likeliest pair, as long as it is likelier one than two."""
+    """Take a pair for one, then again and again the likeliest clear pair, as long as it is likelier one than two.
+
+    A pair is clear if no pair that contradicts it is nearly as likely, given those chosen; what is not waits until the
+    set has moved the map.
+    """
     given = Conditioned(pairs.difference, pairs.own, pairs.cross)
     rows, total, place = [seed], evidence, seed
     apart, name = apart.copy(), np.arange(len(apart))  # name: the landmark that each is taken for
-    while True:
+    while len(rows) < _MOST_PAIRS:
         given.choose(place)
         kept, gone = name[pairs.first[rows[-1]]], name[pairs.second[rows[-1]]]
         name[name == gone] = kept
@@ -161,16 +176,33 @@ def _grow(
         distance = squared_distance(given.difference, given.own)
         open_ = (first != second) & ~apart[first, second]
         more = np.where(open_ & (distance <= gate), pairs.evidence(given.difference, given.own, density), -np.inf)
-        place = int(more.argmax())
-        if more[place] <= 0.0:
-            named = zip(pairs.first[rows].tolist(), pairs.second[rows].tolist(), strict=True)
-            return _Hypothesis(tuple(rows), tuple(named), total)
+        place = _clearest(more, first, second, apart, margin)
+        if place < 0:
+            break
         rows.append(int(given.rows[place]))
         total += float(more[place])
         still = open_ & (distance <= _HOPELESS * gate)
         if 2 * still.sum() < len(still):
             place = int(still[:place].sum())
             given.drop_all_but(still)
+    named = zip(pairs.first[rows].tolist(), pairs.second[rows].tolist(), strict=True)
+    return _Hypothesis(tuple(rows), tuple(named), total)
+
+
+def _clearest(evidence: Array, first: Indices, second: Indices, apart: Flags, margin: float) -> int:
+    """The likeliest pair (of landmarks `first` and `second`) that none that contradicts it comes near; -1 if none."""
+    likely = np.flatnonzero(evidence > 0.0)
+    for place in likely[np.argsort(-evidence[likely], kind="stable")].tolist():
+        a, b = first[place], second[place]
+        rivals = np.flatnonzero(evidence > evidence[place] - margin)
+        f, s = first[rivals], second[rivals]
+        # of a rival that has one landmark in common: the other one, against the partner of the common one
+        shared = ((f == a) & apart[s, b]) | ((s == a) & apart[f, b])
+        shared |= ((f == b) & apart[s, a]) | ((s == b) & apart[f, a])
+        same = ((f == a) & (s == b)) | ((f == b) & (s == a))
+        if not (shared & ~same).any():
+            return int(place)
+    return -1
 
 
 def _partners(hypothesis: _Hypothesis) -> dict[int, set[int]]:
