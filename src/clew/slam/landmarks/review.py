@@ -60,7 +60,8 @@ class Compared:
             return np.ones(len(keys), bool)
         row = np.minimum(np.searchsorted(self.keys, keys), len(self.keys) - 1)
         moved = np.linalg.norm(points - self.points[row], axis=1) > _MOVED * deviation
-        return (self.keys[row] != keys) | moved | (deviation < _SURER * self.deviation[row])
+        changed: Flags = (self.keys[row] != keys) | moved | (deviation < _SURER * self.deviation[row])
+        return changed
 
     def take(self, keys: Indices, points: Array, deviation: Array) -> None:
         """All have been compared."""
