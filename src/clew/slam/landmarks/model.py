@@ -76,12 +76,16 @@ class SightingNoise:
         bearing: scale of the errors of bearings, radians.
         range_repeats, bearing_repeats: how many sightings in succession count as one, because what disturbs a
             sighting disturbs the next one likewise.
+        range_bias, bearing_bias: deviation, over the things that are seen, of what a robot sees of each wrongly at all
+            times, metres and radians.
     """
 
     range: float = 0.2
     bearing: float = 0.03
     range_repeats: float = 1.0
     bearing_repeats: float = 1.0
+    range_bias: float = 0.01
+    bearing_bias: float = 0.003
 
 
 @dataclass(frozen=True)

@@ -30,7 +30,7 @@ _MOST_REPEATS = 40.0
 _LARGEST_CHANGE = 2.0  # of a deviation in one step
 _CAUTION = 5.0  # degrees of freedom that say in each step that nothing changes; little redundancy tells little
 _LEAST_REDUNDANCY, _LEAST_SIGHTING_REDUNDANCY = 1e-3, 0.2  # shares
-_LEAST_MOTION, _LEAST_RANGE, _LEAST_BEARING, _LEAST_DRIFT = 1e-5, 1e-4, 1e-5, 1e-3
+_LEAST_MOTION, _LEAST_RANGE, _LEAST_BEARING, _LEAST_DEVIATION = 1e-5, 1e-4, 1e-5, 1e-4
 
 
 def reestimate(solution: Solution, track: RobotTrack, factors: RobotFactors, model: SensorModel) -> SensorModel:
@@ -51,29 +51,33 @@ def reestimate(solution: Solution, track: RobotTrack, factors: RobotFactors, mod
         change = min(max(ratio, 1.0 / _LARGEST_CHANGE), _LARGEST_CHANGE)
         deviations[entry.name] = max(getattr(model.motion, entry.name) * change, _LEAST_MOTION)
     seen, mates = track.log.landmarks, track.log.robots
-    landmarks = _sighting_noise(solution, seen, factors.sightings, model.landmarks)
-    robots = model.robots if factors.mates is None else _sighting_noise(solution, mates, factors.mates, model.robots)
-    drift = _drift(solution, factors.drift, model.drift)
-    return replace(model, motion=VelocityNoise(**deviations), drift=drift, landmarks=landmarks, robots=robots,
-                   pull=pull(solution, factors))  # fmt: skip
+    landmarks = _sighting_noise(solution, seen, factors.sightings, factors.biases[0], model.landmarks)
+    robots = model.robots
+    if factors.mates is not None and factors.biases[1] is not None:
+        robots = _sighting_noise(solution, mates, factors.mates, factors.biases[1], model.robots)
+    speed, turn = _deviations(solution, factors.drift, (model.drift.speed, model.drift.turn))
+    return replace(model, motion=VelocityNoise(**deviations), drift=ScaleDrift(speed, turn), landmarks=landmarks,
+                   robots=robots, pull=pull(solution, factors))  # fmt: skip
 
 
-def _drift(solution: Solution, factor: Factor, drift: ScaleDrift) -> ScaleDrift:
+def _deviations(solution: Solution, factor: Factor, old: tuple[float, float]) -> tuple[float, float]:
+    """Standard deviations of points about zero, whose prior is the factor."""
     error, expected = expected_squares(solution, factor)
-    old = np.array([drift.speed, drift.turn])
     square = np.sum(error**2, axis=0)
     variance = np.einsum("nii->i", expected) - square
-    redundancy = np.maximum(len(error) - variance / old**2, 0.0)
-    found = old * np.sqrt((square / old**2 + _CAUTION) / (redundancy + _CAUTION))
-    return ScaleDrift(*np.maximum(found, _LEAST_DRIFT).tolist())
+    redundancy = np.maximum(len(error) - variance / np.square(old), 0.0)
+    ratio = np.sqrt((square / np.square(old) + _CAUTION) / (redundancy + _CAUTION))
+    first, second = (old * ratio).tolist()
+    return max(first, _LEAST_DEVIATION), max(second, _LEAST_DEVIATION)
 
 
 def _sighting_noise(
-    solution: Solution, seen: Sightings, pair: tuple[Factor, Factor], noise: SightingNoise
+    solution: Solution, seen: Sightings, pair: tuple[Factor, Factor], biases: Factor, noise: SightingNoise
 ) -> SightingNoise:
     distance, range_repeats = _scale(solution, seen, pair[0], noise.range)
     angle, bearing_repeats = _scale(solution, seen, pair[1], noise.bearing)
-    return SightingNoise(max(distance, _LEAST_RANGE), max(angle, _LEAST_BEARING), range_repeats, bearing_repeats)
+    bias = _deviations(solution, biases, (noise.range_bias, noise.bearing_bias))
+    return SightingNoise(max(distance, _LEAST_RANGE), max(angle, _LEAST_BEARING), range_repeats, bearing_repeats, *bias)
 
 
 def _scale(solution: Solution, seen: Sightings, factor: Factor, scale: float) -> tuple[float, float]:
@@ -195,13 +199,13 @@ def pull(solution: Solution, factors: RobotFactors) -> Array:
 def _pull_of_sightings(solution: Solution, ranges: CalibratedRange, bearings: CalibratedBearing) -> Array:
     out = np.zeros((7, 2))
     at, measured = Linearised(solution, ranges), ranges.measurement
-    share = leverages(solution, ranges, (2, 3, 4))[:, 0] / ranges.stretch(*at.values[2:], measurement=measured)[:, 0]
+    share = leverages(solution, ranges, (2, 3, 5))[:, 0] / ranges.stretch(*at.values[2:4], measurement=measured)[:, 0]
     out[2] = share.sum(), -share @ measured[:, 3]
     out[3] = share @ measured[:, 1:3]
     at = Linearised(solution, bearings)
     b = bearings.direction(*at.values, measurement=bearings.measurement)
     slope, (curve, cube) = at.values[2][0, 1], at.values[3][0]
-    share = leverages(solution, bearings, (2, 3, 4))[:, 0] / (1.0 + slope + 2.0 * curve * b + 3.0 * cube * b**2)
+    share = leverages(solution, bearings, (2, 3, 5))[:, 0] / (1.0 + slope + 2.0 * curve * b + 3.0 * cube * b**2)
     out[4, 1] = share.sum()
     out[5] = 2.0 * share @ b, 3.0 * share @ b**2
     return out

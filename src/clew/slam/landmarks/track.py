@@ -22,7 +22,7 @@ Indices = NDArray[np.int64]
 
 #: Robot ``n`` has the pose keys ``n * KEYS_A_ROBOT + i``; landmarks have their identity as key.
 KEYS_A_ROBOT = 1_000_000
-_CALIBRATION_KEYS, _DRIFT_KEYS = 900_000, 910_000
+_CALIBRATION_KEYS, _DRIFT_KEYS, _BIAS_KEYS = 900_000, 910_000, 950_000
 _WHILE = 10.0  # seconds that the scales of the odometry stay as they are
 _LONGEST_STRETCH = 0.5  # seconds between keyframes
 #: Degrees of freedom of Student's t distribution: heavy tails, but with a variance.
@@ -60,6 +60,11 @@ class RobotTrack:
         passed = self.timestamps[:-1] - self.timestamps[0]
         keys: Indices = self.log.robot * KEYS_A_ROBOT + _DRIFT_KEYS + (passed / _WHILE).astype(np.int64)
         return keys
+
+    def bias_keys(self, seen: Sightings) -> Indices:
+        """``(K,)`` keys of the bias of what was seen."""
+        everything = np.unique(np.concatenate([self.log.landmarks.identity, self.log.robots.identity]))
+        return self.log.robot * KEYS_A_ROBOT + _BIAS_KEYS + np.searchsorted(everything, seen.identity)
 
     def until(self, timestamp: float) -> RobotTrack:
         """The part up to a time."""
@@ -156,18 +161,18 @@ class RobotTrack:
         Student's t distribution is a robust kernel: ``-2 log p = c^2 log(1 + e^2 / (n sigma^2))`` up to a constant,
         with ``c^2 = n + 1``, all of it divided by the number of sightings that count as one.
         """
-        keys, parameters = self.keys[self.rows(seen)], self.calibration_keys
+        keys, bias, parameters = self.keys[self.rows(seen)], self.bias_keys(seen), self.calibration_keys
 
         def likelihood(scale: float, repeats: float) -> dict[str, Any]:
             return {"sigmas": scale * np.sqrt(repeats * TAIL / (TAIL + 1.0)),
                     "kernel": Cauchy(np.sqrt((TAIL + 1.0) / repeats)), "sees": sees}  # fmt: skip
 
         ranges = CalibratedRange(
-            keys, target, [parameters[k] for k in (2, 3, 6)], seen.range, self.range_basis(seen),
+            keys, target, (parameters[2], parameters[3], bias, parameters[6]), seen.range, self.range_basis(seen),
             **likelihood(noise.range, noise.range_repeats),
         )  # fmt: skip
         bearings = CalibratedBearing(
-            keys, target, [parameters[k] for k in (4, 5, 6)], seen.bearing, self.means[:3],
+            keys, target, (parameters[4], parameters[5], bias, parameters[6]), seen.bearing, self.means[:3],
             **likelihood(noise.bearing, noise.bearing_repeats),
         )  # fmt: skip
         return ranges, bearings
