@@ -116,9 +116,9 @@ class CalibratedRange(CalibratedSighting):
     """Distance of what was seen.
 
     Residual: ``|q| (1 + scale + slope f_1 + curve f_2 - offset f_3) + offset + bias - range``. Parameters: ``(scale,
-    offset)``, ``(slope, curve)``, ``(bias, .)``, ``(forward, left)``; the bias is that of one target. ``f_1`` and
-    ``f_2`` are the measured bearing and its square, each less a constant, ``f_3`` an inverse range at which the offset
-    shall change nothing.
+    offset)``, ``(slope, curve)``, ``(bias, .)``, ``(forward, left)``; the bias is that of one view. ``f_1``
+    and ``f_2`` are the measured bearing and its square, each less a constant, ``f_3`` an inverse range at which the
+    offset shall change nothing.
     """
 
     _parameters = 4
@@ -147,8 +147,8 @@ class CalibratedBearing(CalibratedSighting):
 
     Residual: ``b + offset + slope (b - f_1) + curve (b^2 - f_2) + cube (b^3 - f_3) + bias - bearing`` with
     ``b = atan2(q_y, q_x)``, taken within half a turn of the measured bearing. Parameters: ``(offset, slope)``,
-    ``(curve, cube)``, ``(., bias)``, ``(forward, left)``; the bias is that of one target, ``f_1`` to ``f_3`` are
-    constants. The distortion is that of the true direction: that of the measured one would make errors look smaller
+    ``(curve, cube)``, ``(., bias)``, ``(forward, left)``; the bias is that of one view, ``f_1`` to ``f_3``
+    are constants. The distortion is that of the true direction: that of the measured one would make errors look smaller
     the more it compresses the picture.
     """
 

@@ -161,7 +161,7 @@ def _settle(
             poses.append(its_poses)
             landmarks.update(its_landmarks)
             found.append(replace(model, calibration=calibration))
-        updated = [reestimate(solution, *each) for each in zip(tracks, factors, found, strict=True)]
+        updated = [reestimate(solution, *each) for each in zip(factors, found, strict=True)]
         change = max(model.change(new) for model, new in zip(models, updated, strict=True))
         if last or change < _SETTLED:
             break

@@ -25,7 +25,7 @@ class RobotFactors:
     Attributes:
         motion: between its keyframes.
         drift: of the scales of its odometry about zero.
-        biases: of what it sees about zero: of landmarks, and of other robots or None.
+        biases: of its views of landmarks about zero, and of those of other robots or None.
         sources: ``(6, S, 3, 3)`` covariance of each motion by source.
         sightings: range and bearing of landmarks.
         mates: range and bearing of other robots, or None.
@@ -68,12 +68,12 @@ def build_graph(
         drift = _about_zero(graph, track.drift_keys, (model.drift.speed, model.drift.turn))
         seen, mates = track.log.landmarks, track.log.robots
         sightings = track.sighting_factors(seen, seen.identity, model.landmarks)
-        bias = _about_zero(graph, track.bias_keys(seen), (model.landmarks.range_bias, model.landmarks.bearing_bias))
+        bias = _about_zero(graph, track.view_keys(seen), (model.landmarks.range_bias, model.landmarks.bearing_bias))
         of_robots, of_mates = None, None
         if len(mates):
             target = keys_of(tracks, mates.identity, mates.timestamp)
             of_robots = track.sighting_factors(mates, target, model.robots, SE2)
-            of_mates = _about_zero(graph, track.bias_keys(mates), (model.robots.range_bias, model.robots.bearing_bias))
+            of_mates = _about_zero(graph, track.view_keys(mates), (model.robots.range_bias, model.robots.bearing_bias))
         for factor in (motion, *sightings, *(of_robots or ())):
             graph.add(factor)
         kept.append(RobotFactors(motion, drift, (bias, of_mates), sources, sightings, of_robots))

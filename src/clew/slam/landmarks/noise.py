@@ -16,24 +16,21 @@ from numpy.typing import NDArray
 
 from clew.factors import CalibratedBearing, CalibratedRange
 from clew.graph import Factor
-from clew.io import Sightings
 from clew.motion import VelocityNoise
 from clew.slam.landmarks.graph import RobotFactors
 from clew.slam.landmarks.model import ScaleDrift, SensorModel, SightingNoise
-from clew.slam.landmarks.track import TAIL, RobotTrack
+from clew.slam.landmarks.track import TAIL
 from clew.solve import Solution
 
 Array = NDArray[np.float64]
 
-_SUCCESSION = 10.0  # seconds
-_MOST_REPEATS = 40.0
 _LARGEST_CHANGE = 2.0  # of a deviation in one step
 _CAUTION = 5.0  # degrees of freedom that say in each step that nothing changes; little redundancy tells little
 _LEAST_REDUNDANCY, _LEAST_SIGHTING_REDUNDANCY = 1e-3, 0.2  # shares
 _LEAST_MOTION, _LEAST_RANGE, _LEAST_BEARING, _LEAST_DEVIATION = 1e-5, 1e-4, 1e-5, 1e-4
 
 
-def reestimate(solution: Solution, track: RobotTrack, factors: RobotFactors, model: SensorModel) -> SensorModel:
+def reestimate(solution: Solution, factors: RobotFactors, model: SensorModel) -> SensorModel:
     """A robot's model with noise parameters that make the errors at the solution likelier."""
     error, expected = expected_squares(solution, factors.motion)
     squares = error[:, :, None] * error[:, None, :]
@@ -50,11 +47,10 @@ def reestimate(solution: Solution, track: RobotTrack, factors: RobotFactors, mod
         ratio = float(np.sqrt((found + _CAUTION) / (due + _CAUTION)))
         change = min(max(ratio, 1.0 / _LARGEST_CHANGE), _LARGEST_CHANGE)
         deviations[entry.name] = max(getattr(model.motion, entry.name) * change, _LEAST_MOTION)
-    seen, mates = track.log.landmarks, track.log.robots
-    landmarks = _sighting_noise(solution, seen, factors.sightings, factors.biases[0], model.landmarks)
+    landmarks = _sighting_noise(solution, factors.sightings, factors.biases[0], model.landmarks)
     robots = model.robots
     if factors.mates is not None and factors.biases[1] is not None:
-        robots = _sighting_noise(solution, mates, factors.mates, factors.biases[1], model.robots)
+        robots = _sighting_noise(solution, factors.mates, factors.biases[1], model.robots)
     speed, turn = _deviations(solution, factors.drift, (model.drift.speed, model.drift.turn))
     return replace(model, motion=VelocityNoise(**deviations), drift=ScaleDrift(speed, turn), landmarks=landmarks,
                    robots=robots, pull=pull(solution, factors))  # fmt: skip
@@ -72,43 +68,20 @@ def _deviations(solution: Solution, factor: Factor, old: tuple[float, float]) ->
 
 
 def _sighting_noise(
-    solution: Solution, seen: Sightings, pair: tuple[Factor, Factor], biases: Factor, noise: SightingNoise
+    solution: Solution, pair: tuple[Factor, Factor], biases: Factor, noise: SightingNoise
 ) -> SightingNoise:
-    distance, range_repeats = _scale(solution, seen, pair[0], noise.range)
-    angle, bearing_repeats = _scale(solution, seen, pair[1], noise.bearing)
+    distance, angle = _scale(solution, pair[0], noise.range), _scale(solution, pair[1], noise.bearing)
     bias = _deviations(solution, biases, (noise.range_bias, noise.bearing_bias))
-    return SightingNoise(max(distance, _LEAST_RANGE), max(angle, _LEAST_BEARING), range_repeats, bearing_repeats, *bias)
+    return SightingNoise(max(distance, _LEAST_RANGE), max(angle, _LEAST_BEARING), *bias)
 
 
-def _scale(solution: Solution, seen: Sightings, factor: Factor, scale: float) -> tuple[float, float]:
-    """Scale of Student's t distribution (Liu and Rubin 1995, "ML estimation of the t distribution using EM"), and
-    how many sightings in succession count as one."""
+def _scale(solution: Solution, factor: Factor, scale: float) -> float:
+    """Scale of Student's t distribution (Liu and Rubin 1995, "ML estimation of the t distribution using EM")."""
     error, expected = expected_squares(solution, factor)
     square = error[:, 0] ** 2
     weight = (TAIL + 1.0) / (TAIL + square / scale**2)
     redundancy = 1.0 - np.mean(weight * (expected[:, 0, 0] - square)) / scale**2
-    found = np.sqrt(np.mean(weight * square) / max(redundancy, _LEAST_SIGHTING_REDUNDANCY))
-    return float(found), repeats(seen, np.sqrt(weight) * error[:, 0])
-
-
-def repeats(seen: Sightings, error: Array) -> float:
-    """How many sightings of one thing within a while carry the information of one independent sighting.
-
-    The mean of many errors ``(K,)`` has the variance of independent ones times ``1 + 2 sum(r_k)``, with the correlation
-    ``r_k`` of each error with the ``k``-th one after it (Box, Jenkins, Reinsel, "Time series analysis", section 2.1.5);
-    the sum goes over the pairs of one thing that are not further apart than `_SUCCESSION`.
-    """
-    order = np.lexsort((seen.timestamp, seen.identity))
-    identity, stamp, ordered = seen.identity[order], seen.timestamp[order], error[order]
-    power, products = float(ordered @ ordered), 0.0
-    if power == 0.0:
-        return 1.0
-    for lag in range(1, len(ordered)):
-        near = (identity[lag:] == identity[:-lag]) & (stamp[lag:] - stamp[:-lag] <= _SUCCESSION)
-        if not near.any():
-            break
-        products += float(ordered[lag:][near] @ ordered[:-lag][near])
-    return float(min(max(1.0 + 2.0 * products / power, 1.0), _MOST_REPEATS))
+    return float(np.sqrt(np.mean(weight * square) / max(redundancy, _LEAST_SIGHTING_REDUNDANCY)))
 
 
 def expected_squares(solution: Solution, factor: Factor) -> tuple[Array, Array]:
