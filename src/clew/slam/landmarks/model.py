@@ -110,7 +110,7 @@ class SensorModel:
         drift: of the scales in the calibration.
         landmarks: noise of sightings of landmarks.
         robots: noise of sightings of other robots.
-        pull: ``(7, 2)`` by what the points of the calibration are drawn, see `clew.slam.landmarks.noise.pull`.
+        pull: ``(7, 2)`` by what the points of the calibration are drawn, see `clew.slam.landmarks.pull`.
     """
 
     calibration: Calibration = Calibration()

@@ -11,7 +11,7 @@ from scipy.spatial import cKDTree
 from clew.factors import PointObservation
 from clew.geometry import Point2, se2, so2
 from clew.place import NEW, Gates, join_landmarks, landmark_density, nearest_neighbour
-from clew.slam.landmarks.noise import expected_squares
+from clew.slam.landmarks.linearised import expected_squares
 from clew.slam.landmarks.record import Seen
 from clew.slam.landmarks.track import TAIL
 from clew.solve import Solution

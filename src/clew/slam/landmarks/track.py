@@ -139,7 +139,7 @@ class RobotTrack:
         by_delay = (back @ twist[pieces.first][:, :, None])[:, :, 0] - twist[last]
         by_parameter = np.concatenate([whole.jacobian(inner), by_delay[:, :, None]], axis=2)
         sources = model.motion.components(pieces.duration, v, w)
-        return whole, by_parameter, np.stack([whole.covariance(source) for source in sources])
+        return whole, by_parameter, whole.diagonal_covariance(np.einsum("knii->kni", sources))
 
     def motion_factor(self, model: SensorModel) -> tuple[PreintegratedMotion, Array]:
         """The factor of all motions, and the covariance by source as in `motion`."""
