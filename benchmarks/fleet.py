@@ -137,7 +137,7 @@ def real(folder: Path) -> None:
     """Five real robots: each is mapped alone (`clew run --robot N`), then the outputs are merged (`clew merge`)."""
     numbers = mrclam_robots(folder)
     logs = [read_mrclam(folder, number) for number in numbers]
-    print(f"## {folder.name}: {len(numbers)} robots mapped alone, then merged (target {TARGET[0]} m, {TARGET[1]} deg)\n")
+    print(f"## {folder.name}: robots mapped alone, then merged (target {TARGET[0]} m, {TARGET[1]} deg)\n")
     print("| landmarks | pair | common landmarks | m | deg |\n|" + " --- |" * 5)
     with tempfile.TemporaryDirectory() as scratch:
         outs = [Path(scratch) / f"robot{number}" for number in numbers]

@@ -47,6 +47,19 @@ def test_the_distortion_is_that_of_the_true_direction() -> None:
     np.testing.assert_allclose(error[:, 0], expected)
 
 
+def test_the_distortion_does_not_fold_over() -> None:
+    """Something behind the robot is not seen ahead, whatever the polynomial is there."""
+    factor = CalibratedBearing(0, 1, (2, 3, 4, 5), 0.1, np.zeros(3), sigmas=1.0)
+    none, cubic = np.zeros((1, 2)), np.array([[0.0, -0.13]])
+    errors = [
+        factor.residual(np.zeros((1, 3)), np.array([[np.cos(b), np.sin(b)]]), none, cubic, none, none,
+                        measurement=factor.measurement)[0, 0]
+        for b in (0.1, 2.5, 2.6, 2.7, 3.0)
+    ]  # fmt: skip
+    assert abs(errors[0]) < 1e-3
+    assert min(errors[1:]) > 2.0
+
+
 def test_the_bias_of_a_target_is_added() -> None:
     pose, point, bias = np.zeros((1, 3)), np.array([[2.0, 0.0]]), np.array([[0.03, -0.02]])
     for kind, measured, expected in ((CalibratedRange, 2.0, 0.03), (CalibratedBearing, 0.0, -0.02)):
