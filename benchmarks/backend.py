@@ -19,11 +19,13 @@ import tempfile
 from collections.abc import Callable
 from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
+from functools import partial
 from pathlib import Path
 from typing import TypeVar
 
 sys.path.insert(0, str(Path(__file__).parent))
 
+from backend_ceres import build_ceres, run_ceres_program
 from backend_memory import memory
 from backend_peers import PEERS, Refused, Run, marginals_clew, marginals_gtsam, repeat, run_clew, run_custom
 from backend_worlds import scaling
@@ -60,7 +62,7 @@ def main() -> None:
 
 def iterations(options: argparse.Namespace, folder: Path) -> None:
     """The table of Gauss-Newton iterations, and marginals of sphere2500."""
-    available = installed()
+    available = installed(folder)
     print(f"Milliseconds of one core for one Gauss-Newton iteration, analysis included ({options.iterations} "
           f"iterations from clew's rotation guess, fastest of {options.repeats}), and chi2 at the end.\n")
     header: list[str] | None = None
@@ -111,14 +113,19 @@ def iterations(options: argparse.Namespace, folder: Path) -> None:
         print(text + ".")
 
 
-def installed() -> dict[str, Callable[[Path, bool, int], Run]]:
-    """The peers that can be imported; says which cannot."""
-    found = {}
+def installed(folder: Path) -> dict[str, Callable[[Path, bool, int], Run]]:
+    """The peers that can be imported or compiled; says which cannot, and why."""
+    found: dict[str, Callable[[Path, bool, int], Run]] = {}
     for name, run in PEERS.items():
         if importlib.util.find_spec(name) is None:
-            print(f"{name}: skipped, not installed (pip install '.[bench]')")
+            print(f"{name}: skipped, missing: pip install '.[bench]'")
         else:
             found[name] = run
+    program, reason = build_ceres(folder)
+    if program is None:
+        print(f"ceres: skipped, {reason}")
+    else:
+        found["ceres"] = partial(run_ceres_program, str(program))
     return found
 
 

@@ -190,7 +190,7 @@ void bind_analysis(nb::module_ m) {
         .def_ro("nonzeros", &Symbolic::nonzeros)
         .def_prop_ro("factor_bytes", [](const Symbolic& s) { return s.factor_size * 8; })
         .def("bytes", [](const Symbolic& s, int threads, bool keep_updates) {
-            return (s.factor_size + make_schedule(s, threads, keep_updates).workspace_size) * 8;
+            return make_schedule(s, threads, keep_updates ? Updates::kKept : Updates::kTransient).storage_size * 8;
         });
 }
 

@@ -8,6 +8,7 @@ namespace clew::CLEW_ISA {
 
 namespace {
 
+using linalg::Columns;
 using linalg::Run;
 
 // t += (or =) C columns of B times x.
@@ -43,6 +44,12 @@ inline void add(double* to, const double* from, int length) {
     for (; i < length; ++i) to[i] += from[i];
 }
 
+// Scalars of a run that lie before a column of the parent.
+inline int within(const Run& run, int32_t column) {
+    const int32_t before = column - run.to;
+    return before < 0 ? 0 : before < run.length ? before : run.length;
+}
+
 }  // namespace
 
 void forward(int32_t n, const double* d, int32_t rows, const double* b, int64_t ldb, double* x, double* t) {
@@ -75,10 +82,11 @@ void backward(int32_t n, const double* d, int32_t rows, const double* b, int64_t
     }
 }
 
-void add_to_panel(const double* u, int64_t ldu, const Run* runs, const Run* remaining, const Run* end, double* d,
-                  int64_t ldd, double* b, int64_t ldb) {
-    for (const Run* across = runs; across != remaining; ++across) {
-        for (int j = 0; j < across->length; ++j) {
+void add_to_panel(const double* u, int64_t ldu, const Run* runs, const Run* remaining, const Run* end, Columns columns,
+                  double* d, int64_t ldd, double* b, int64_t ldb) {
+    for (const Run* across = runs; across != remaining && across->to < columns.end; ++across) {
+        const int last = within(*across, columns.end);
+        for (int j = within(*across, columns.begin); j < last; ++j) {
             const double* from = u + linalg::column_start(across->from + j, ldu);
             double* to_d = d + (across->to + j) * ldd;
             double* to_b = b + (across->to + j) * ldb;
@@ -93,9 +101,11 @@ void add_to_panel(const double* u, int64_t ldu, const Run* runs, const Run* rema
     }
 }
 
-void add_to_update(const double* u, int64_t ldu, const Run* remaining, const Run* end, double* to, int64_t ldt) {
-    for (const Run* across = remaining; across != end; ++across) {
-        for (int j = 0; j < across->length; ++j) {
+void add_to_update(const double* u, int64_t ldu, const Run* remaining, const Run* end, Columns columns, double* to,
+                   int64_t ldt) {
+    for (const Run* across = remaining; across != end && across->to < columns.end; ++across) {
+        const int last = within(*across, columns.end);
+        for (int j = within(*across, columns.begin); j < last; ++j) {
             const double* from = u + linalg::column_start(across->from + j, ldu);
             double* column = to + linalg::column_start(across->to + j, ldt);
             add(column + across->to + j, from + across->from + j, across->length - j);

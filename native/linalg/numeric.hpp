@@ -1,17 +1,14 @@
 // The numeric factor of one matrix and what can be asked of it.
 #pragma once
 
-#include <algorithm>
-#include <atomic>
-#include <functional>
 #include <limits>
 #include <memory>
-#include <thread>
 #include <vector>
 
 #include "linalg/buffer.hpp"
 #include "linalg/dense.hpp"
 #include "linalg/schedule.hpp"
+#include "linalg/team.hpp"
 
 namespace clew::linalg {
 
@@ -58,26 +55,28 @@ public:
     int32_t failed_variable() const { return failed_variable_; }
     double weakest_ratio() const { return weakest_.ratio; }
     int32_t weakest_variable() const;
-    int64_t bytes() const { return (factor_.size() + workspace_.size()) * static_cast<int64_t>(sizeof(double)); }
 
 private:
     struct Scratch;
     class InverseFront;
-    int32_t factor_front(int32_t s, const double* values, const double* damping, Scratch& scratch);
+    int32_t factor_front(int32_t s, const double* values, const double* damping, Scratch& own, Team* team);
+    void assemble_front(int32_t s, const double* values, const double* damping, Scratch& own, Team* team);
+    template <class Add>
+    void for_each_child(int32_t s, Add add) const;
     int32_t variable_of_column(int32_t column) const;
     template <class State>
     std::vector<std::unique_ptr<State>> make_states(const Schedule& schedule) const;
 
     const double* square(const Front& front, Scratch& scratch) const;  // D with leading dimension ld_d, in scratch
-    const double* d(const Front& front) const { return factor_.data() + front.d; }
-    const double* b(const Front& front) const { return factor_.data() + front.b; }
+    const double* d(const Front& front) const { return storage_.data() + front.d; }
+    const double* b(const Front& front) const { return storage_.data() + front.b; }
 
     const Symbolic& symbolic_;
     int threads_;
     bool keep_updates_;
     Schedule schedule_;
     const DenseKernels& kernels_;
-    Buffer factor_, workspace_;
+    Buffer storage_;  // the factor, and update matrices where the schedule puts them
     std::vector<std::unique_ptr<Scratch>> scratch_;  // kept: to touch fresh memory costs as much as a small factor
     std::vector<WeakestPivot> weakest_of_;  // (fronts)
     WeakestPivot weakest_;
@@ -94,28 +93,15 @@ struct Numeric::Scratch {
     std::vector<double> diagonal;
 };
 
-// One state for each thread that the subtrees of a schedule can use, made before threads start so that running out of
-// memory stays an exception.
+// One state for each thread that has something to do, made before threads start so that running out of memory stays an
+// exception.
 template <class State>
 std::vector<std::unique_ptr<State>> Numeric::make_states(const Schedule& schedule) const {
-    const size_t threads = std::min(static_cast<size_t>(threads_), std::max<size_t>(schedule.tasks.size(), 1));
+    const bool alone = schedule.top.empty() && schedule.tasks.size() < 2;
+    const size_t threads = alone ? 1 : static_cast<size_t>(threads_);
     std::vector<std::unique_ptr<State>> states;
     for (size_t t = 0; t < threads; ++t) states.push_back(std::make_unique<State>(symbolic_));
     return states;
-}
-
-// Runs work(task, state) for all subtrees, on a thread for each state.
-template <class State, class Work>
-void for_each_task(const Schedule& schedule, const std::vector<std::unique_ptr<State>>& states, Work work) {
-    const size_t tasks = schedule.tasks.size();
-    std::atomic<size_t> next{0};
-    const auto run = [&](State& state) {
-        for (size_t t = next++; t < tasks; t = next++) work(t, state);
-    };
-    std::vector<std::thread> helpers;
-    for (size_t t = 1; t < states.size(); ++t) helpers.emplace_back(run, std::ref(*states[t]));
-    run(*states[0]);
-    for (std::thread& helper : helpers) helper.join();
 }
 
 }  // namespace clew::linalg

@@ -1,6 +1,7 @@
 #include "linalg/schedule.hpp"
 
 #include <algorithm>
+#include <limits>
 #include <map>
 #include <numeric>
 
@@ -11,48 +12,66 @@ namespace clew::linalg {
 namespace {
 
 constexpr double kWorthThreads = 2e7;  // flops below which starting threads costs more than it saves
+constexpr double kShared = 0.6;        // share of a thread by which each more of them speeds a front of the top up
+constexpr int64_t kSmall = 4096;       // doubles of an update matrix that cache holds beside a front
 
 int64_t update_size(const Front& front) { return (update_matrix_size(front.updates, front.ld_b) + 7) / 8 * 8; }
 
-// Cuts the tree into subtrees of at most a fraction of the work; what lies above is the top.
+// Time until the last of some threads is done, who take the largest task that is left whenever they are free.
+double makespan(const std::vector<double>& largest_first, int threads) {
+    std::vector<double> busy(threads, 0);
+    for (double work : largest_first) *std::min_element(busy.begin(), busy.end()) += work;
+    return *std::max_element(busy.begin(), busy.end());
+}
+
+// Cuts the tree into subtrees; what lies above is the top, whose fronts come one after the other and are shared. The
+// largest subtree is opened again and again, and the cut taken that promises the earliest end.
 void split(const Symbolic& symbolic, int threads, Schedule& schedule) {
     const int32_t count = symbolic.count();
+    if (threads == 1 || symbolic.flops < kWorthThreads) {
+        if (count > 0) schedule.tasks.push_back({0, count});
+        return;
+    }
     std::vector<double> work(count, 0);
     std::vector<int32_t> begin(count);
+    std::vector<int32_t> open;  // roots of subtrees, largest first
+    const auto larger = [&](int32_t a, int32_t b) { return work[a] != work[b] ? work[a] > work[b] : a < b; };
     for (int32_t s = 0; s < count; ++s) begin[s] = s;
-    std::vector<int32_t> roots;
     for (int32_t s = 0; s < count; ++s) {
         const Front& front = symbolic.fronts[s];
         work[s] += front.flops;
         if (front.parent == -1) {
-            roots.push_back(s);
+            open.push_back(s);
             continue;
         }
         work[front.parent] += work[s];
         begin[front.parent] = std::min(begin[front.parent], begin[s]);
     }
-    if (threads == 1 || symbolic.flops < kWorthThreads) {
-        if (count > 0) schedule.tasks.push_back({0, count});
-        return;
-    }
-    const double limit = symbolic.flops / (8.0 * threads);
-    while (!roots.empty()) {
-        const int32_t s = roots.back();
-        roots.pop_back();
-        if (work[s] <= limit) {
-            schedule.tasks.push_back({begin[s], s + 1});
-            continue;
+    std::sort(open.begin(), open.end(), larger);
+    double top_time = 0, best_time = std::numeric_limits<double>::infinity();
+    std::vector<int32_t> top, best_top, best_open;
+    while (!open.empty()) {
+        std::vector<double> sizes;
+        for (int32_t s : open) sizes.push_back(work[s]);
+        const double time = makespan(sizes, threads) + top_time;
+        if (time < best_time) {
+            best_time = time;
+            best_top = top;
+            best_open = open;
         }
-        schedule.top.push_back(s);
+        const int32_t s = open.front();
+        if (top_time > best_time || work[s] < symbolic.flops / (32.0 * threads)) break;
+        open.erase(open.begin());
+        top.push_back(s);
+        top_time += symbolic.fronts[s].flops / (1 + kShared * (threads - 1));
         for (int64_t q = symbolic.fronts[s].children; q < symbolic.fronts[s + 1].children; ++q) {
-            roots.push_back(symbolic.children[q]);
+            const int32_t child = symbolic.children[q];
+            open.insert(std::lower_bound(open.begin(), open.end(), child, larger), child);
         }
     }
+    schedule.top = best_top;
     std::sort(schedule.top.begin(), schedule.top.end());
-    std::sort(schedule.tasks.begin(), schedule.tasks.end(), [&](const Task& a, const Task& b) {
-        const double work_a = work[a.end - 1], work_b = work[b.end - 1];
-        return work_a != work_b ? work_a > work_b : a.begin < b.begin;
-    });
+    for (int32_t s : best_open) schedule.tasks.push_back({begin[s], s + 1});
 }
 
 // Storage of which pieces are taken and given back: the lowest gap that is large enough. All lifetimes are known
@@ -60,19 +79,32 @@ void split(const Symbolic& symbolic, int threads, Schedule& schedule) {
 // inverse), where lifetimes are mirrored.
 class Places {
 public:
-    explicit Places(int64_t base) : end_(base), peak_(base) {}
+    Places(int64_t begin, int64_t end) : end_(end) {
+        if (begin < end) gaps_.emplace(begin, end - begin);
+    }
 
-    int64_t take(int64_t size) {
+    // A place from `floor` on.
+    int64_t take(int64_t size, int64_t floor) {
         for (auto gap = gaps_.begin(); gap != gaps_.end(); ++gap) {
-            if (gap->second < size) continue;
-            const int64_t at = gap->first, left = gap->second - size;
+            const int64_t begin = gap->first, end = begin + gap->second, at = std::max(begin, floor);
+            if (end - at < size) continue;
             gaps_.erase(gap);
-            if (left > 0) gaps_.emplace(at + size, left);
+            if (at > begin) gaps_.emplace(begin, at - begin);
+            if (at + size < end) gaps_.emplace(at + size, end - at - size);
             return at;
         }
-        const int64_t at = end_;
-        end_ += size;
-        peak_ = std::max(peak_, end_);
+        // The last gap may reach to the end.
+        int64_t at = end_;
+        if (!gaps_.empty()) {
+            const auto last = std::prev(gaps_.end());
+            const int64_t begin = last->first;
+            if (begin + last->second == end_) {
+                at = std::max(begin, std::min(floor, end_));
+                gaps_.erase(last);
+                if (at > begin) gaps_.emplace(begin, at - begin);
+            }
+        }
+        end_ = at + size;
         return at;
     }
 
@@ -89,58 +121,71 @@ public:
             size += after->second;
             gaps_.erase(after);
         }
-        if (at + size == end_) end_ = at;
-        else gaps_.emplace(at, size);
+        gaps_.emplace(at, size);
     }
 
-    int64_t peak() const { return peak_; }
+    // Where the storage ends: beyond everything that was ever taken.
+    int64_t end() const { return end_; }
 
 private:
     std::map<int64_t, int64_t> gaps_;  // place -> size
-    int64_t end_, peak_;
+    int64_t end_;
 };
 
-// Places for the update matrices of some fronts; those of their children that are marked in `own` are given back.
+// Places for the update matrices of some fronts; those of their children that are marked in `own` are given back. With
+// `in_factor`, large ones are put into panels of fronts that come after the parent. Small ones share few places that stay
+// in cache.
 template <class Fronts>
-void place_updates(const Symbolic& symbolic, const Fronts& fronts, const std::vector<bool>& own, Schedule& schedule) {
-    Places places(schedule.workspace_size);
+void place_updates(const Symbolic& symbolic, const Fronts& fronts, const std::vector<bool>& own, bool in_factor,
+                   Schedule& schedule) {
+    Places far(in_factor ? 0 : schedule.storage_size, schedule.storage_size), near(0, 0);
+    std::vector<int32_t> small;
+    const auto places_of = [&](int32_t s) -> Places& {
+        return in_factor && update_size(symbolic.fronts[s]) < kSmall ? near : far;
+    };
     for (int32_t s : fronts) {
         const Front& front = symbolic.fronts[s];
-        schedule.update[s] = places.take(update_size(front));
+        Places& places = places_of(s);
+        const bool far_away = in_factor && &places == &far && front.parent != -1;
+        schedule.update[s] = places.take(update_size(front), far_away ? symbolic.fronts[front.parent + 1].d : 0);
+        if (&places == &near) small.push_back(s);
         for (int64_t q = front.children; q < symbolic.fronts[s + 1].children; ++q) {
             const int32_t child = symbolic.children[q];
-            if (own[child]) places.give_back(schedule.update[child], update_size(symbolic.fronts[child]));
+            if (own[child]) places_of(child).give_back(schedule.update[child], update_size(symbolic.fronts[child]));
         }
     }
-    schedule.workspace_size = places.peak();
+    for (int32_t s : small) schedule.update[s] += far.end();
+    schedule.storage_size = far.end() + near.end();
 }
 
-void place_updates(const Symbolic& symbolic, Schedule& schedule) {
+void place_updates(const Symbolic& symbolic, bool in_factor, Schedule& schedule) {
     std::vector<bool> own(symbolic.count(), false);
     for (const Task& task : schedule.tasks) {
         std::vector<int32_t> fronts(task.end - task.begin);
         std::iota(fronts.begin(), fronts.end(), task.begin);
         for (int32_t s : fronts) own[s] = true;
-        place_updates(symbolic, fronts, own, schedule);
+        place_updates(symbolic, fronts, own, in_factor, schedule);
     }
     own.assign(symbolic.count(), false);  // roots of tasks stay where they are
     for (int32_t s : schedule.top) own[s] = true;
-    place_updates(symbolic, schedule.top, own, schedule);
+    place_updates(symbolic, schedule.top, own, false, schedule);
 }
 
 }  // namespace
 
-Schedule make_schedule(const Symbolic& symbolic, int threads, bool keep_updates) {
+Schedule make_schedule(const Symbolic& symbolic, int threads, Updates updates) {
     Schedule schedule;
     split(symbolic, threads, schedule);
     schedule.update.assign(symbolic.count(), 0);
-    if (keep_updates) {
+    schedule.storage_size = updates == Updates::kApart ? 0 : symbolic.factor_size;
+    if (updates == Updates::kKept) {
         for (int32_t s = 0; s < symbolic.count(); ++s) {
-            schedule.update[s] = schedule.workspace_size;
-            schedule.workspace_size += update_size(symbolic.fronts[s]);
+            schedule.update[s] = schedule.storage_size;
+            schedule.storage_size += update_size(symbolic.fronts[s]);
         }
     } else {
-        place_updates(symbolic, schedule);
+        const bool one_task = schedule.top.empty() && schedule.tasks.size() == 1;
+        place_updates(symbolic, updates == Updates::kTransient && one_task, schedule);
     }
     return schedule;
 }

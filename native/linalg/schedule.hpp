@@ -13,11 +13,18 @@ struct Task {
 struct Schedule {
     std::vector<Task> tasks;        // largest first
     std::vector<int32_t> top;       // the fronts above them, ascending
-    std::vector<int64_t> update;    // (fronts) place of each update matrix in the workspace
-    int64_t workspace_size = 0;     // doubles
+    std::vector<int64_t> update;    // (fronts) place of each update matrix in the storage
+    int64_t storage_size = 0;       // doubles
 };
 
-// With `keep_updates` all update matrices stay, otherwise a place is used again once the parent has been assembled.
-Schedule make_schedule(const Symbolic& symbolic, int threads, bool keep_updates);
+// Where update matrices live.
+enum class Updates {
+    kTransient,  // behind the factor or, with one thread, in panels that are not filled yet; the place of one is used again
+                 // once its parent has been assembled
+    kKept,       // behind the factor; all stay
+    kApart,      // in a storage of their own, places used again
+};
+
+Schedule make_schedule(const Symbolic& symbolic, int threads, Updates updates);
 
 }  // namespace clew::linalg

@@ -149,23 +149,16 @@ void Numeric::inverse_blocks(const std::vector<InverseBlock>& wanted, double* ou
     for (const InverseBlock& block : wanted) {
         for (int32_t s = sym.front_of[block.col]; s != -1 && !needed[s]; s = sym.fronts[s].parent) needed[s] = true;
     }
-    // Kept update matrices must survive: then the inverse gets places of its own.
-    Schedule own_schedule;
-    Buffer own_workspace;
-    if (keep_updates_) {
-        own_schedule = make_schedule(sym, threads_, false);
-        own_workspace = Buffer(own_schedule.workspace_size);
-    }
-    const Schedule& schedule = keep_updates_ ? own_schedule : schedule_;
-    double* workspace = keep_updates_ ? own_workspace.data() : workspace_.data();
+    const Schedule schedule = make_schedule(sym, threads_, Updates::kApart);  // panels are full, kept updates must survive
+    Buffer storage(schedule.storage_size);
 
     const auto visit = [&](int32_t s, InverseFront& inverse) {
         if (!needed[s]) return;
         const Front &f = sym.fronts[s], &next = sym.fronts[s + 1];
-        inverse.invert(*this, f, workspace + schedule.update[s]);
+        inverse.invert(*this, f, storage.data() + schedule.update[s]);
         for (int64_t q = f.children; q < next.children; ++q) {
             const int32_t c = sym.children[q];
-            if (needed[c]) inverse.hand_down(sym, f, c, workspace + schedule.update[c]);
+            if (needed[c]) inverse.hand_down(sym, f, c, storage.data() + schedule.update[c]);
         }
         auto block = std::lower_bound(wanted.begin(), wanted.end(), f.first,
                                       [](const InverseBlock& w, int32_t first) { return w.col < first; });
@@ -173,8 +166,9 @@ void Numeric::inverse_blocks(const std::vector<InverseBlock>& wanted, double* ou
     };
     const auto states = make_states<InverseFront>(schedule);
     for (auto s = schedule.top.rbegin(); s != schedule.top.rend(); ++s) visit(*s, *states[0]);
-    for_each_task(schedule, states, [&](size_t t, InverseFront& inverse) {
-        for (int32_t s = schedule.tasks[t].end - 1; s >= schedule.tasks[t].begin; --s) visit(s, inverse);
+    Team team(states.size());
+    team.run(schedule.tasks.size(), [&](size_t t, size_t worker) {
+        for (int32_t s = schedule.tasks[t].end - 1; s >= schedule.tasks[t].begin; --s) visit(s, *states[worker]);
     });
 }
 

@@ -9,6 +9,7 @@
 
 #include "module.hpp"
 #include "solve/block.hpp"
+#include "solve/nearest_rotation.hpp"
 #include "solve/tree.hpp"
 
 namespace clew {
@@ -208,6 +209,13 @@ void compose_tree(Indices node, Indices parent, Indices edge, Flags forward, Mat
              values.data());
 }
 
+void nearest_rotations(Cube matrices, OutputMatrix out) {
+    require(matrices.shape(1) == 3 && matrices.shape(2) == 3, "matrices must be (N, 3, 3)");
+    require(out.shape(0) == matrices.shape(0) && out.shape(1) == 4, "out must be (N, 4)");
+    nb::gil_scoped_release release;
+    solve::nearest_rotations(static_cast<int64_t>(matrices.shape(0)), matrices.data(), out.data());
+}
+
 }  // namespace
 
 void bind_solve(nb::module_ m) {
@@ -218,6 +226,7 @@ void bind_solve(nb::module_ m) {
     m.def("accumulate", &accumulate, "residual"_a, "jacobians"_a, "information"_a, "gradient"_a, "plan"_a, "robust"_a,
           "scale"_a, "hessian"_a.none(), "gradient_values"_a.none());
     m.def("retract", &retract, "values"_a, "offsets"_a, "delta"_a, "out"_a);
+    m.def("nearest_rotations", &nearest_rotations, "matrices"_a, "out"_a);
     m.def("spanning_forest", &spanning_forest, "node_count"_a, "i"_a, "j"_a, "seeds"_a);
     m.def("compose_tree", &compose_tree, "node"_a, "parent"_a, "edge"_a, "forward"_a, "measurement"_a, "values"_a);
 }

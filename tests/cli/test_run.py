@@ -17,7 +17,8 @@ from clew.slam.pose_graph import chi2
 from cli.commands import FILES, Command, as_process, drive
 
 KEYS = {"scans", "keyframes", "closures_accepted", "closures_rejected", "log_seconds", "wall_seconds",
-        "realtime_factor", "peak_memory_mb", "chi2", "version", "skipped", "complete"}
+        "realtime_factor", "peak_memory_mb", "chi2", "version", "skipped", "complete",
+        "uncertainty_95"}
 
 
 @pytest.fixture(scope="module")

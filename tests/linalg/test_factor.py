@@ -74,14 +74,14 @@ def test_a_grid_with_large_fronts(size: int, ordering: str) -> None:
 
 
 def test_storage_is_hardly_more_than_the_triangle() -> None:
-    """Triangles of pivots have no gaps, and update matrices share few places."""
+    """Triangles of pivots have no gaps; update matrices share few places, panels that are not filled yet before all."""
     side = 40
     number = np.arange(side * side).reshape(side, side)
     pairs = np.concatenate([np.stack([number[:, :-1].ravel(), number[:, 1:].ravel()]),
                             np.stack([number[:-1].ravel(), number[1:].ravel()])], axis=1)
     symbolic = analyse(BlockPattern.from_pairs(np.full(side * side, 6), *pairs), ordering="amd")
     assert 8 * symbolic.factor_nonzeros <= symbolic.factor_bytes <= 1.05 * 8 * symbolic.factor_nonzeros
-    assert symbolic.memory_bytes < 1.35 * symbolic.factor_bytes
+    assert symbolic.memory_bytes < 1.15 * symbolic.factor_bytes
 
 
 def test_a_dense_matrix_is_cut_into_several_fronts() -> None:
@@ -130,8 +130,9 @@ def test_predicted_work_of_a_chain_is_exact() -> None:
     assert symbolic.memory_bytes >= symbolic.factor_nonzeros * 8
 
 
-def test_results_do_not_depend_on_threads_or_repetition() -> None:
-    pattern = grid(60, 3, diagonals=True)
+@pytest.mark.parametrize(("side", "size"), [(60, 3), (45, 6)])  # many subtrees; fronts large enough to be shared
+def test_results_do_not_depend_on_threads_or_repetition(side: int, size: int) -> None:
+    pattern = grid(side, size, diagonals=True)
     values = grid_information(pattern)
     rhs = np.random.default_rng(1).normal(size=pattern.dim)
     answers = []

@@ -152,3 +152,13 @@ def test_poses_are_those_of_the_graph_whatever_happened() -> None:
     copy = taken.copy()
     graph.set_poses(taken + 1.0)
     np.testing.assert_array_equal(taken, copy)
+
+
+def test_the_index_of_keyframes_follows_them_when_they_move() -> None:
+    graph, _ = built(4, 30, [])
+    moved = se2.compose(np.array([40.0, -7.0, 1.0]), graph.poses)
+    graph.set_poses(moved)
+    everywhere = np.arange(30)
+    found = graph.near.nearest(moved[12, :2], 1, lambda numbers: np.isin(numbers, everywhere))
+    assert found.tolist() == [12]
+    assert len(graph.near.within(np.zeros(2), 5.0)) == 0

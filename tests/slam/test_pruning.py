@@ -163,20 +163,29 @@ def room(width: float, depth: float) -> LaserScan:
     return LaserScan(0.0, ranges, -np.pi, float(angles[1] - angles[0]), 0.1, 30.0)
 
 
+def standing(scans: list[LaserScan], poses: Array, **options: float) -> tuple[Pruner, KeyframeStore]:
+    """Keyframes with the scans at the poses, a metre of path apart, and what prunes them."""
+    eager = replace(EAGER, batch=1, recent=2, path=3.0, **options)  # type: ignore[arg-type]  # numbers
+    keyframes, graph = KeyframeStore(), PoseGraph(10.0)
+    for k, (scan, pose) in enumerate(zip(scans, poses, strict=True)):
+        step = se2.between(poses[k - 1], pose) if k else np.zeros(3)
+        information = 1e4 * np.eye(3) if k else np.zeros((3, 3))
+        keyframe = Keyframe(float(k), extract_points(scan), np.zeros(3), pose, float(k), step, information)
+        keyframes.add(keyframe)
+        graph.add_keyframe(keyframe)
+    return Pruner(keyframes, graph, replace(SlamConfig(), pruning=eager)), keyframes
+
+
+def forward(count: int) -> Array:
+    """A centimetre at a time."""
+    return np.stack([0.01 * np.arange(count), np.zeros(count), np.zeros(count)], axis=1)
+
+
 @pytest.mark.parametrize(("width", "gone"), [(3.0, True), (6.0, False)])
 def test_only_what_looks_the_same_is_redundant(width: float, gone: bool) -> None:
     """Keyframes that stand where others are believed to stand, but see something else, are not covered by these."""
-    keyframes, config = KeyframeStore(), replace(SlamConfig(), pruning=replace(EAGER, batch=1, recent=2, path=3.0))
-    graph = PoseGraph(10.0)
-    pruner = Pruner(keyframes, graph, config)
-    for k in range(16):
-        seen = room(width, 0.5 * width + 0.5) if k == 5 else room(3.0, 2.0)
-        step = np.zeros(3) if k == 0 else np.array([0.01, 0.0, 0.0])
-        information = np.zeros((3, 3)) if k == 0 else 1e4 * np.eye(3)
-        keyframe = Keyframe(float(k), extract_points(seen), np.zeros(3), np.array([0.01 * k, 0, 0]), float(k), step,
-                            information)  # fmt: skip
-        keyframes.add(keyframe)
-        graph.add_keyframe(keyframe)
+    scans = [room(width, 0.5 * width + 0.5) if k == 5 else room(3.0, 2.0) for k in range(16)]
+    pruner, keyframes = standing(scans, forward(16))
     taken_out = pruner.prune(set())
     assert len(taken_out) > 3
     assert (5 in taken_out) is gone
@@ -185,16 +194,38 @@ def test_only_what_looks_the_same_is_redundant(width: float, gone: bool) -> None
 
 
 def test_needed_keyframes_and_the_first_stay() -> None:
-    keyframes, config = KeyframeStore(), replace(SlamConfig(), pruning=replace(EAGER, batch=1, recent=2, path=3.0))
-    graph = PoseGraph(10.0)
-    for k in range(16):
-        step = np.zeros(3) if k == 0 else np.array([0.01, 0.0, 0.0])
-        information = np.zeros((3, 3)) if k == 0 else 1e4 * np.eye(3)
-        keyframe = Keyframe(float(k), extract_points(room(3.0, 2.0)), np.zeros(3), np.array([0.01 * k, 0, 0]),
-                            float(k), step, information)  # fmt: skip
-        keyframes.add(keyframe)
-        graph.add_keyframe(keyframe)
+    pruner, _ = standing([room(3.0, 2.0)] * 16, forward(16))
     needed = set(range(3, 9))
-    gone = Pruner(keyframes, graph, config).prune(needed)
+    gone = pruner.prune(needed)
     assert gone
     assert not set(gone) & (needed | {0})
+
+
+def test_the_oldest_and_the_newest_of_a_place_stay() -> None:
+    pruner, keyframes = standing([room(3.0, 2.0)] * 20, forward(20), cover=8)
+    gone = pruner.prune(set())
+    assert gone
+    assert min(gone) >= 4
+    assert set(range(20 - 3, 20)) <= set(keyframes.alive.tolist())
+
+
+def test_a_keyframe_that_its_returns_put_elsewhere_stays() -> None:
+    """It stands a hand's breadth beside where the graph has it: what it would hang on is not where it belongs."""
+    poses = forward(16)
+    poses[5, 1] += 0.15
+    pruner, keyframes = standing([room(3.0, 2.0)] * 16, poses, movement=0.02)
+    assert len(pruner.prune(set())) > 3
+    assert 5 in keyframes.alive
+
+
+def test_what_a_pruned_keyframe_hangs_on_is_known_by_its_returns() -> None:
+    """A room tells where its middle is to millimetres, a corridor only across."""
+    rooms, _ = standing([room(3.0, 2.0)] * 16, forward(16))
+    corridors, _ = standing([room(1e3, 2.0)] * 16, forward(16))
+    for pruner, along in ((rooms, 0.01), (corridors, 0.06)):
+        attached = pruner._attach(9, 12)
+        assert attached is not None
+        deviations = np.sqrt(np.diagonal(np.linalg.inv(attached[2]), axis1=1, axis2=2))
+        assert (deviations[:, 1] < 0.01).all()
+        assert (deviations[:, 0] < along).all()
+        assert (deviations[:, 0] > along / 10).all()

@@ -9,8 +9,9 @@ from hypothesis import strategies as st
 
 from clew.geometry import SE2
 from clew.graph import Role
+from clew.slam.pair_noise import returns_once
 from clew.slam.pose_graph import chi2
-from clew.slam.refine import RECENT, overlapping_pairs, returns_once
+from clew.slam.refine import RECENT, overlapping_pairs
 from clew.solve import optimize
 from slam.drives import errors, mapped, outing, round_trip, truth_of
 

@@ -58,7 +58,7 @@ def test_text_tells_shape_costs_and_what_was_left_out(square: Path) -> None:
     text = run(square)
     assert "square.g2o: 4 SE2" in text
     assert re.search(r"chi2 0\.\d+ -> 0\.04 in \d+ iterations", text)
-    assert "1 lines SOMETHING are not understood" in text
+    assert "1 line SOMETHING: not understood and left out" in text
     assert "key 0 was held" in text
     assert "Converged" in text
 
@@ -69,8 +69,16 @@ def test_vertices_that_are_defined_twice_or_never_are_told(tmp_path: Path) -> No
     path = tmp_path / "graph.g2o"
     path.write_text("\n".join(lines))
     text = run(path)
-    assert "1 lines define a vertex again (first in line 3)" in text
-    assert "1 vertices are only mentioned by edges (7)" in text
+    assert "1 line defines a vertex again (first in line 3); the first definition of each was taken" in text
+    assert "1 vertex is only mentioned by edges (7)" in text
+
+
+def test_tags_that_cannot_be_printed_are_told_all_the_same(tmp_path: Path) -> None:
+    path = tmp_path / "graph.g2o"
+    path.write_bytes(b"VERTEX_SE2 0 0 0 0\nVERTEX_SE2 1 1 0 0\nEDGE_SE2 0 1 1 0 0 1 0 0 1 0 1\n\0\x1b[2J\n")
+    text = run(path)
+    assert r"1 line '\x00\x1b[2J': not understood" in text
+    assert all(character.isprintable() for line in text.splitlines() for character in line)
 
 
 def test_results_are_written(square: Path, tmp_path: Path) -> None:
@@ -135,5 +143,5 @@ def test_indefinite_information_is_reported_with_its_line(tmp_path: Path) -> Non
     path = tmp_path / "indefinite.g2o"
     information = "1 0 0 0 0 9 1 0 0 0 0 1 0 0 0 1 0 0 1 0 1"
     path.write_text(f"EDGE_SE3:QUAT 0 1 1 0 0 0 0 0 1 {information}\n")
-    assert "1 edges have an indefinite information matrix (first in line 1)" in run(path)
+    assert "1 edge has an indefinite information matrix (first in line 1)" in run(path)
     assert "first in line 1" in json.loads(run(path, "--json"))["notes"][0]

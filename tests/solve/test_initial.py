@@ -9,6 +9,7 @@ import pytest
 
 import clew
 from clew import _native
+from clew.geometry import so3
 from clew.solve import Status
 
 
@@ -149,3 +150,31 @@ def test_a_graph_that_grows_uses_a_map_that_is_given() -> None:
     graph.set_constant(graph.keys(clew.Point2))
     guess = clew.optimize(graph, init="sequential", max_iterations=0)
     assert guess.chi2_initial < 1.1 * solved.chi2
+
+
+def test_nearest_rotations_against_the_singular_value_decomposition() -> None:
+    """Noisy rotations, arbitrary matrices of either sign, nearly singular ones, and rotations by pi."""
+    rng = np.random.default_rng(0)
+    exact = so3.matrix(so3.exp(np.concatenate([rng.normal(size=(50, 3)), np.pi * np.eye(3)])))
+    noisy = exact[:, None] + rng.normal(size=(1, 8, 3, 3)) * np.geomspace(1e-15, 0.3, 8)[:, None, None]
+    flat = rng.normal(size=(30, 3, 2)) @ rng.normal(size=(30, 2, 3)) + 1e-9 * rng.normal(size=(30, 3, 3))
+    matrices = np.concatenate([noisy.reshape(-1, 3, 3), rng.normal(size=(300, 3, 3)), 1e-200 * exact, flat])
+    found = np.empty((len(matrices), 4))
+    _native.solve.nearest_rotations(matrices, found)
+    left, sizes, right = np.linalg.svd(matrices)
+    left[:, :, 2] *= np.linalg.det(left @ right)[:, None]
+    unique = sizes[:, 1] + np.sign(np.linalg.det(matrices)) * sizes[:, 2] > 1e-3 * sizes[:, 0]
+    assert unique.sum() > 0.9 * len(unique)
+    np.testing.assert_allclose(so3.matrix(found)[unique], (left @ right)[unique], atol=1e-11)
+    np.testing.assert_allclose(np.linalg.norm(found, axis=1), 1.0, atol=1e-14)
+    assert (found[:, 3] >= 0).all()
+
+
+def test_nearest_rotations_of_what_is_no_matrix() -> None:
+    found = np.empty((3, 4))
+    _native.solve.nearest_rotations(np.array([0.0, np.nan, np.inf])[:, None, None] * np.ones((3, 3)), found)
+    np.testing.assert_allclose(np.linalg.norm(found, axis=1), 1.0)
+    with pytest.raises(ValueError, match="3, 3"):
+        _native.solve.nearest_rotations(np.zeros((2, 3, 2)), found)
+    with pytest.raises(ValueError, match="out"):
+        _native.solve.nearest_rotations(np.zeros((2, 3, 3)), found)

@@ -29,6 +29,8 @@ _log = logging.getLogger(__name__)
 
 Array = NDArray[np.float64]
 
+IN_PLANE_95, ON_LINE_95 = 2.4477, 1.9600  # deviations about the mean that hold 95 %, in two coordinates and in one
+
 
 @dataclass(frozen=True)
 class JobOptions:
@@ -131,6 +133,7 @@ def map_log(
         "estimate_seconds": round(estimated, 3),
         "realtime_factor": round(log_seconds / wall, 2) if wall > 0 else 0.0,
         "chi2": slam.chi2,
+        "uncertainty_95": _uncertainty(slam),
         "refined": options.refine and not interrupted,
         "complete": not stopped,
         "map_size_m": [round(side * grid.resolution, 2) for side in grid.shape[::-1]],
@@ -138,6 +141,19 @@ def map_log(
         "skipped": skipped,
     }
     return JobResult(slam, {**summary, "peak_memory_mb": _rounded(peak_memory_mb())}, interrupted)
+
+
+def _uncertainty(slam: Slam) -> dict[str, float]:
+    """How far keyframes may be off at 95 %, seen from the first: half of the longest axis, metres, and degrees."""
+    covariances = slam.covariances()
+    position = IN_PLANE_95 * np.sqrt(np.maximum(np.linalg.eigvalsh(covariances[:, :2, :2])[:, -1], 0.0))
+    heading = ON_LINE_95 * np.degrees(np.sqrt(covariances[:, 2, 2]))
+    return {
+        "position_median_m": round(float(np.median(position)), 4),
+        "position_largest_m": round(float(position.max()), 4),
+        "heading_median_deg": round(float(np.median(heading)), 4),
+        "heading_largest_deg": round(float(heading.max()), 4),
+    }
 
 
 def _rounded(value: float | None) -> float | None:

@@ -261,24 +261,29 @@ def _notes(file: GraphFile) -> list[str]:
     """What reading the file found worth saying."""
     report = file.report
     notes = []
-    if len(report.reduced):
+    if count := len(report.reduced):
         notes.append(
-            f"{len(report.reduced):,} edges have an indefinite information matrix (first in line "
+            f"{_count(count, 'edge has', 'edges have')} an indefinite information matrix (first in line "
             f"{report.reduced[0]}); their translation and rotation blocks are used"
         )
-    if len(report.created) and file.has_values:
-        first = ", ".join(map(str, report.created[:3])) + (", ..." if len(report.created) > 3 else "")
+    if (count := len(report.created)) and file.has_values:
+        first = ", ".join(map(str, report.created[:3])) + (", ..." if count > 3 else "")
         notes.append(
-            f"{len(report.created):,} vertices are only mentioned by edges ({first}); they have no values in the file"
+            f"{_count(count, 'vertex is', 'vertices are')} only mentioned by edges ({first}) and given no values"
         )
-    if len(report.repeated):
+    if count := len(report.repeated):
         notes.append(
-            f"{len(report.repeated):,} lines define a vertex again (first in line {report.repeated[0]}); the first "
-            "definition of each was taken"
+            f"{_count(count, 'line defines', 'lines define')} a vertex again (first in line {report.repeated[0]}); the "
+            "first definition of each was taken"
         )
     for tag, count in report.unknown_tags.items():
-        notes.append(f"{count:,} lines {tag} are not understood and were left out")
+        name = tag if tag.isprintable() else ascii(tag)
+        notes.append(f"{_count(count, 'line', 'lines')} {name}: not understood and left out")
     return notes
+
+
+def _count(count: int, one: str, many: str) -> str:
+    return f"{count:,} {one if count == 1 else many}"
 
 
 class _Clock:

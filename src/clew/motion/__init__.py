@@ -2,7 +2,7 @@
 
 from clew.motion.ackermann import Ackermann
 from clew.motion.buffer import OdometryBuffer
-from clew.motion.calibration import OdometryCalibration, OdometryQuality
+from clew.motion.calibration import OdometryCalibration, OdometryQuality, bounded
 from clew.motion.gyro import Gyro, GyroMotion
 from clew.motion.increment import increment_motion
 from clew.motion.integrate import Pieces, Preintegrated, cut, preintegrate
@@ -26,6 +26,7 @@ __all__ = [
     "Preintegrated",
     "VelocityNoise",
     "WheelEncoders",
+    "bounded",
     "cut",
     "increment_motion",
     "preintegrate",

@@ -152,12 +152,18 @@ def _variances(x: Array, squares: Array, known: Array, base: Array, before: Arra
     pull = 0.5 * PRIOR_STEPS
     for _ in range(ROUNDS):
         v = x @ q.T + base
-        # Heavy tails: the weight of Student's t; normalised so that a Gaussian sample keeps its variance.
-        bounded = squares * (FREEDOM + 1) / (FREEDOM + squares / v) * GAUSSIAN_GAIN
-        up = (known * bounded / v**2).T @ x + pull * assumed / q**2
+        up = (known * bounded(squares, v) / v**2).T @ x + pull * assumed / q**2
         down = (known / v).T @ x + pull / q
         q = q * np.sqrt(up / down)
     return np.asarray(q)
+
+
+def bounded(squares: Array, variance: Array | float) -> Array:
+    """Squared errors of which the large ones count less, by the weight of Student's t distribution.
+
+    Normalised, so that the mean over a Gaussian sample of this variance is the variance.
+    """
+    return np.asarray(squares * (FREEDOM + 1) / (FREEDOM + squares / variance) * GAUSSIAN_GAIN)
 
 
 def _gaussian_gain() -> float:

@@ -14,6 +14,8 @@ from clew.scan import AlignmentOptions, ScanPoints, SourceClouds, align, correla
 
 Array = NDArray[np.float64]
 
+ALONG = 0.97  # cosine of 14 degrees: how well the poses of a search tell the direction of a corridor
+
 
 @dataclass(frozen=True)
 class VerificationOptions:
@@ -112,9 +114,10 @@ def verify(
     T, information = fine.T_target_source[0], fine.information[0]
     if slide is not None:
         slide[:2] = se2.matrix(se2.inverse(T))[:2, :2] @ slide[:2]
-        if not _is_weakest(information, slide, options.slide_share):
+        weakest = _weakest(information, slide, options.slide_share)
+        if weakest is None:
             return replace(closure, verdict=Verdict.AMBIGUOUS, T_target_source=best.T_target_source)
-        information = _without(information, slide)
+        information = _without(information, weakest)
     error = se2.between(T_predicted, T)
     closure = replace(
         closure,
@@ -162,10 +165,17 @@ def _slide(best: Array, rival: Array, T_predicted: Array) -> tuple[Array, Array]
     return start, np.append(line, 0.0)
 
 
-def _is_weakest(information: Array, direction: Array, share: float) -> bool:
-    """Whether returns measure a direction ``(3,)`` of translation much less than the one across it."""
-    across = np.array([-direction[1], direction[0], 0.0])
-    return bool(direction @ information @ direction <= share * (across @ information @ across))
+def _weakest(information: Array, direction: Array, share: float) -> Array | None:
+    """Direction ``(3,)`` of translation that returns measure least, if much less than others and about a given one.
+
+    The poses of a search lie on a grid, so that the line through two of them is askew by some degrees: the returns
+    know better which way the corridor goes.
+    """
+    least, most = np.linalg.eigvalsh(information[:2, :2])
+    axis = np.linalg.eigh(information[:2, :2])[1][:, 0]
+    if least > share * most or abs(axis @ direction[:2]) < ALONG:
+        return None
+    return np.append(axis, 0.0)
 
 
 def _without(information: Array, direction: Array) -> Array:

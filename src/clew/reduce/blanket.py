@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg.lapack import dpocon, dpotrf, dpotri
 
 from clew.graph import Factor, FactorGraph
 
@@ -81,15 +82,15 @@ def _accumulate(
     if factor.kernel is not None:
         squared = np.einsum("mi,mij,mj->m", error, weighted, error)
         weighted = factor.kernel.weight(squared)[:, None, None] * weighted
-    count, d = error.shape
-    design = np.zeros((count, d, len(gradient)))
-    row, component = np.arange(count)[:, None, None], np.arange(d)[None, :, None]
-    for keys, jacobian in zip(factor.keys.T, jacobians, strict=True):
-        first = starts[[place[k] for k in keys.tolist()]]
-        design[row, component, first[:, None, None] + np.arange(jacobian.shape[2])] += jacobian
-    flat = design.reshape(count * d, -1)
-    information += flat.T @ (weighted @ design).reshape(count * d, -1)
-    gradient += flat.T @ np.einsum("mij,mj->mi", weighted, error).ravel()
+    rows = [
+        starts[[place[k] for k in keys.tolist()]][:, None] + np.arange(jacobian.shape[2])
+        for keys, jacobian in zip(factor.keys.T, jacobians, strict=True)
+    ]
+    for row, left in zip(rows, jacobians, strict=True):
+        half = left.transpose(0, 2, 1) @ weighted
+        np.add.at(gradient, row, np.einsum("mij,mj->mi", half, error))
+        for column, right in zip(rows, jacobians, strict=True):
+            np.add.at(information, (row[:, :, None], column[:, None, :]), half @ right)
 
 
 def covariance_of(information: Array) -> tuple[Array, float]:
@@ -98,7 +99,28 @@ def covariance_of(information: Array) -> tuple[Array, float]:
     Scaled to a unit diagonal, so that metres and radians compare; eigenvalues below `WEAKEST` are lifted to it.
     """
     scale = np.sqrt(np.maximum(np.diag(information), np.finfo(float).tiny))
-    values, vectors = np.linalg.eigh(information / np.outer(scale, scale))
+    scaled = information / np.outer(scale, scale)
+    inverse, log_determinant = _by_cholesky(scaled) or _by_eigenvalues(scaled)
+    return inverse / np.outer(scale, scale), -log_determinant - 2.0 * float(np.log(scale).sum())
+
+
+def _by_cholesky(matrix: Array) -> tuple[Array, float] | None:
+    """Inverse and logarithm of the determinant where no direction is nearly unknown; None otherwise.
+
+    A neighbourhood may be a hundred poses: this takes a tenth of the time of eigenvalues.
+    """
+    factor, status = dpotrf(matrix, lower=1)
+    if status:
+        return None
+    reciprocal_condition, _ = dpocon(factor, np.abs(matrix).sum(axis=0).max(), uplo="L")
+    if reciprocal_condition <= len(matrix) * WEAKEST:  # of 1-norms: at most n below that of eigenvalues
+        return None
+    lower, _ = dpotri(factor, lower=1)
+    return np.tril(lower) + np.tril(lower, -1).T, 2.0 * float(np.log(np.diag(factor)).sum())
+
+
+def _by_eigenvalues(matrix: Array) -> tuple[Array, float]:
+    """The same with the eigenvalues that are too small lifted."""
+    values, vectors = np.linalg.eigh(matrix)
     values = np.maximum(values, WEAKEST * values[-1])
-    covariance = (vectors / values) @ vectors.T / np.outer(scale, scale)
-    return covariance, float(-np.log(values).sum() - 2.0 * np.log(scale).sum())
+    return (vectors / values) @ vectors.T, float(np.log(values).sum())

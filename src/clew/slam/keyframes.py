@@ -49,7 +49,7 @@ class KeyframeStore:
     def __init__(self) -> None:
         self._keyframes: dict[int, Keyframe] = {}
         self._track: Growing[np.float64] = Growing((5,), np.float64)  # T_local_robot, path and time of all
-        self._step_covariances: Growing[np.float64] = Growing((2, 2), np.float64)
+        self._step_covariances: Growing[np.float64] = Growing((3, 3), np.float64)
         self._alive: Growing[np.bool_] = Growing((), np.bool_)
 
     def __len__(self) -> int:
@@ -66,7 +66,7 @@ class KeyframeStore:
         """Append a keyframe; returns its number."""
         index = len(self)
         self._track.extend(1)[:] = (*keyframe.T_local_robot, keyframe.path, keyframe.timestamp)
-        covariance = np.linalg.inv(keyframe.information)[:2, :2] if index else np.zeros((2, 2))
+        covariance = np.linalg.inv(keyframe.information) if index else np.zeros((3, 3))
         self._step_covariances.append(covariance[None])
         self._alive.extend(1)[:] = True
         self._keyframes[index] = keyframe
@@ -99,7 +99,7 @@ class KeyframeStore:
         return self._track.rows[:, 4]
 
     def step_covariances(self, indices: Index) -> Array:
-        """``(n, 2, 2)`` of the position of each keyframe seen from the one before it, in its own axes."""
+        """``(n, 3, 3)`` of the pose of each keyframe seen from the one before it, in its own tangent."""
         return self._step_covariances.rows[indices]
 
     def between(self, first: int, end: int) -> Index:

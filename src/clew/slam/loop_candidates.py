@@ -6,7 +6,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 
 from clew.geometry import se2
 from clew.slam.config import ClosingOptions
@@ -59,18 +58,20 @@ def find_candidates(graph: PoseGraph, places: Places, query: Query, options: Clo
     every place within the uncertainty is one, found by its appearance and searched around, so that it does not matter
     how far the robot has drifted.
     """
-    anchors = places.anchors_before(query.source)
-    if not len(anchors):
-        return []
     poses = graph.poses
     position = poses[query.source, :2]
-    tree = cKDTree(poses[anchors, :2])
-    chosen = anchors[np.atleast_1d(tree.query(position, k=min(SHORTLIST, len(anchors)))[1])]
+
+    def are_anchors(keyframes: NDArray[np.int64]) -> NDArray[np.bool_]:
+        return places.are_anchors(keyframes, query.source)
+
+    chosen = graph.near.nearest(position, SHORTLIST, are_anchors)
+    if not len(chosen):
+        return []
     covariances, spread = _uncertainty(graph, query.source, chosen, options)
     lost = bool(spread.max() > options.reach)
     if lost:
-        within = tree.query_ball_point(position, options.reach + 2.0 * float(spread.max()))
-        wide = anchors[np.sort(np.asarray(within, dtype=np.int64))]
+        wide = graph.near.within(position, options.reach + 2.0 * float(spread.max()))
+        wide = wide[are_anchors(wide)]
         alike = places.similarities(wide, query.appearance)
         chosen = np.union1d(chosen, wide[np.argsort(-alike, kind="stable")[:LOST_SHORTLIST]])
         covariances, spread = _uncertainty(graph, query.source, chosen, options)

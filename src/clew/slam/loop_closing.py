@@ -15,6 +15,7 @@ from clew.slam.closure_log import ClosureLog
 from clew.slam.config import SlamConfig
 from clew.slam.keyframes import KeyframeStore
 from clew.slam.loop_candidates import Candidate, find_candidates
+from clew.slam.loop_uncertainty import deformation, way_covariance
 from clew.slam.places import Places, Query
 from clew.slam.pose_graph import LEAST_INFORMATION, PoseGraph
 from clew.slam.sensor import SensorModel
@@ -99,7 +100,7 @@ class LoopCloser:
         options = self._config.closing
         if path - self._last_attempt < (options.every_known if known else options.every):
             return False
-        if not len(self._places.anchors_before(source)):
+        if not self._places.end(source):
             return False
         self._last_attempt = path
         proposals = self._propose(source)
@@ -143,45 +144,39 @@ class LoopCloser:
         worth = self._sensor.return_information(self._config.closing.information_scale)
         of_returns = without_normal_noise(closure.information, self._sensor.normal_variance)
         information = worth * of_returns + LEAST_INFORMATION
-        return np.asarray(np.linalg.inv(np.linalg.inv(information) + self._deformation(closure)), dtype=np.float64)
+        bent = deformation(self._keyframes, closure, self._config.closing)
+        return np.asarray(np.linalg.inv(np.linalg.inv(information) + bent), dtype=np.float64)
 
-    def _deformation(self, closure: Closure) -> Array:
-        """Covariance ``(3, 3)`` that a closure owes to query and submap being bent, in the tangent of its pose.
+    def finish(self) -> None:
+        """Try all keyframes once more that could not be closed, until no more can, now that the whole way is known."""
+        before = -1
+        while self.accepted_count > before:
+            before = self.accepted_count
+            self.settle()
+            self._catch_up(len(self._open))
 
-        Along a bare corridor only odometry tells how far apart the keyframes of a submap are, so that surfaces at one
-        end of it are uncertain by that against those at the other. Half of the query's and of the submap's way counts;
-        what is equal in all directions does not, since the match itself knows it. Odometry is trusted no more than in
-        the prediction (`ClosingOptions.caution`).
-        """
-        options = self._config.closing
-        half = options.submap_keyframes // 2
-        total = np.zeros((2, 2))
-        for keyframe, last in ((closure.source, closure.source), (closure.target, closure.target + half)):
-            way = np.arange(max(last - half, 0) + 1, last + 1)
-            turns = se2.matrix(self._keyframes.relative(keyframe, way))[:, :2, :2]
-            if keyframe == closure.target:
-                turns = se2.matrix(se2.inverse(closure.T_target_source))[:2, :2] @ turns
-            total += (turns @ self._keyframes.step_covariances(way) @ turns.transpose(0, 2, 1)).sum(axis=0)
-        out = np.zeros((3, 3))
-        out[:2, :2] = options.caution * (total - np.linalg.eigvalsh(total)[0] * np.eye(2))
-        return out
-
-    def _catch_up(self) -> None:
+    def _catch_up(self, patience: int = MISSES) -> None:
         """Try keyframes again that could not be closed, the latest first, now that the robot knows where it is.
 
         Each that is closed makes the ones before it certain in turn.
+
+        Args:
+            patience: after so many in a row that still cannot be closed, no more are tried.
         """
         left: list[int] = []
         missed = 0
-        while self._open and missed < MISSES:
+        while self._open and missed < patience:
             source = self._open.pop()
-            proposals = self._propose(source)
             accepted = len(self._accepted)
-            if any(p.is_certain or p.is_partial for p in proposals):
-                self._waiting = [w for w in self._waiting if w.source != source]
-                self._rejected.forget(source)
-                self._decide(proposals)
-                self.settle()
+            query = self._places.query(source)
+            candidates = find_candidates(self._graph, self._places, query, self._config.closing)
+            if any(c.is_near for c in candidates):  # otherwise the robot could still be in another place
+                proposals = [self._match(query, candidate) for candidate in candidates]
+                if any(p.is_certain or p.is_partial for p in proposals):
+                    self._waiting = [w for w in self._waiting if w.source != source]
+                    self._rejected.forget(source)
+                    self._decide(proposals)
+                    self.settle()
             if len(self._accepted) > accepted:
                 missed = 0
             else:
@@ -233,15 +228,36 @@ class LoopCloser:
             p.verdict is Verdict.AMBIGUOUS and not best.is_certain and p.likelihood >= ratio * best.likelihood)]
 
     def _supporters(self, best: Closure) -> list[Closure] | None:
-        """Waiting closures that agree with one, one for each stretch of path; None if they are too few."""
+        """Waiting closures that agree with one, one for each stretch of path; None if they are too few.
+
+        One of a robot whose place is certain may count on those that are believed, as well as on those that wait.
+        """
         options = self._config.closing
-        agreeing = [w for w in self._waiting if w.source != best.source and self._agree(best, w)]
+        paths = self._keyframes.paths
+        believed = [a.closure for a in self._accepted] if best.is_certain else []
+        others = [c for c in [*self._waiting, *believed] if c.source != best.source and not c.is_partial
+                  and abs(paths[c.source] - paths[best.source]) <= options.support_path]
+        agreeing = [c for c in others if self._agree(best, c, self._freedom(best, c))]
         chosen = [best]
         for closure in sorted(agreeing, key=lambda w: w.likelihood * w.overlap, reverse=True):
-            path = self._keyframes.paths[closure.source]
-            if all(abs(path - self._keyframes.paths[c.source]) >= options.support_apart for c in chosen):
+            path = paths[closure.source]
+            if all(abs(path - paths[c.source]) >= options.support_apart for c in chosen):
                 chosen.append(closure)
-        return chosen[1:] if len(chosen) > options.supporters else None
+        if len(chosen) <= options.supporters:
+            return None
+        return [c for c in chosen[1:] if c.verdict is Verdict.WAITING]
+
+    def _freedom(self, a: Closure, b: Closure) -> Array:
+        """Covariance ``(3, 3)`` of the way between two closures, in the axes of the second's source.
+
+        That of the sources by their steps; of the targets too where they are on one stretch of path.
+        """
+        options, paths = self._config.closing, self._keyframes.paths
+        total = way_covariance(self._keyframes, b.source, min(a.source, b.source), max(a.source, b.source), 0.0)
+        if abs(paths[a.target] - paths[b.target]) <= options.support_path:
+            first, last = min(a.target, b.target), max(a.target, b.target)
+            total += way_covariance(self._keyframes, b.target, first, last, -float(b.T_target_source[2]))
+        return options.caution * total
 
     def settle(self) -> None:
         """Optimise with the closures that were accepted since the last time, and withdraw what no longer fits."""
@@ -255,13 +271,13 @@ class LoopCloser:
         known = closure.is_certain or closure.is_partial  # the latter tells nothing of what is not known
         return known and bool(self._accepted) and closure.innovation[0] < distance and closure.innovation[1] < angle
 
-    def _agree(self, a: Closure, b: Closure) -> bool:
+    def _agree(self, a: Closure, b: Closure, freedom: Array | None = None) -> bool:
         paths = self._keyframes.paths
         path = abs(paths[a.source] - paths[b.source]) + abs(paths[a.target] - paths[b.target])
         T_source = self._keyframes.relative(a.source, np.array([b.source]))[0]
         poses = self._graph.poses
         T_target = se2.between(poses[a.target], poses[b.target])
-        return agree(a, b, T_source, T_target, path, self._config.consistency)
+        return agree(a, b, T_source, T_target, path, self._config.consistency, freedom)
 
     def _expire(self) -> None:
         """Turn down what has waited in vain."""

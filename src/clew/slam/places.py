@@ -51,14 +51,15 @@ class Places:
         surfels = self._keyframes.surfels(source, members, QUERY_VOXEL)
         return Query(source, members, surfels, self._descriptor.describe([surfels])[0])
 
-    def anchors_before(self, source: int) -> NDArray[np.int64]:
-        """Anchors whose submaps are complete, a good stretch of path before the source."""
+    def end(self, source: int) -> int:
+        """Keyframes before this one lie a good stretch of path before the source, as do those of submaps about them."""
         paths = self._keyframes.paths
         far = int(np.searchsorted(paths, paths[source] - self._options.path))
-        last = min(source - self._options.submap_keyframes, far)
-        kept = self._keyframes.between(0, max(last, 0))
-        anchors: NDArray[np.int64] = kept[kept % self._options.anchor_every == 0]
-        return anchors
+        return max(min(source - self._options.submap_keyframes, far), 0)
+
+    def are_anchors(self, keyframes: NDArray[np.int64], source: int) -> NDArray[np.bool_]:
+        """Which keyframes carry a submap that a source may be matched against."""
+        return np.asarray((keyframes % self._options.anchor_every == 0) & (keyframes < self.end(source)))
 
     def submap(self, anchor: int) -> Submap:
         """The submap about an anchor; the latest ones asked for are kept."""

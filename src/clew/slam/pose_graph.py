@@ -13,6 +13,7 @@ from clew.noise import Huber
 from clew.place import Closure
 from clew.reduce import fuse_parallel, marginalise
 from clew.slam.attachments import Attachments
+from clew.slam.grid_index import GridIndex
 from clew.slam.keyframes import Keyframe
 from clew.solve import Solution, optimize
 
@@ -21,6 +22,7 @@ Index = NDArray[np.int64]
 
 LEAST_INFORMATION = np.diag([1e-3, 1e-3, 1e-3])  # of any edge, so that none leaves a direction open
 FACTORISE_AFTER = 10  # keyframes; until then uncertainty is carried on along the odometry edges
+CELL = 4.0  # metres; of the index of keyframes
 TO_THE_END = 1e-10  # relative change of the cost that ends a solve,
 ON_THE_WAY = 1e-5  # and while more is to come
 
@@ -39,6 +41,10 @@ class PoseGraph:
     """Keyframes tied by odometry and closures; keys are the numbers of the keyframes.
 
     The first keyframe holds still: the map hangs on it. A keyframe that was pruned is seen from some that are left.
+
+    Attributes:
+        graph: variables, odometry and closures.
+        near: which keyframes of the graph stand near a place.
     """
 
     def __init__(self, kernel_scale: float) -> None:
@@ -48,6 +54,7 @@ class PoseGraph:
         self._solved = 0  # keyframes that the last solution knows
         self._edges: dict[int, tuple[Array, Array]] = {}  # those after: step and (3, 3) from the one before
         self._poses: Growing[np.float64] = Growing((3,), np.float64)
+        self.near = GridIndex(CELL)
         self._attachments = Attachments()
 
     def __len__(self) -> int:
@@ -78,6 +85,7 @@ class PoseGraph:
             covariance = np.asarray(np.linalg.inv(keyframe.information), dtype=np.float64)
             self._edges[k] = keyframe.T_previous_this, covariance
         self._poses.append(pose.array[None])
+        self.near.put(np.array([k]), pose.array[None, :2])
 
     def add_closure(self, closure: Closure, information: Array) -> int:
         """Tie two keyframes by a closure; returns what `remove` takes."""
@@ -106,6 +114,7 @@ class PoseGraph:
         if len(found.kept):
             return None
         self._attachments.add(key, on, T_on_this, information)
+        self.near.remove(np.array([key]))
         return found.information_loss
 
     def tidy(self) -> None:
@@ -132,6 +141,7 @@ class PoseGraph:
         self.graph.set_values(keys, SE2.from_array(poses))
         self._poses.detach()
         self._poses.rows[keys] = self.graph.values(SE2).array
+        self.near.put(keys, self._poses.rows[keys, :2])
 
     def relative_covariances(self, source: int, targets: Index) -> Array:
         """Covariance ``(T, 3, 3)`` of the source's pose seen from each target, in the source's tangent."""

@@ -16,9 +16,11 @@ Array = NDArray[np.float64]
 LEAST_SECONDS = 0.08  # that a velocity is measured over
 MEMORY = 20  # matches that the mean errors of the two predictions go back
 LEVER = 2.0  # metres; what an error of a radian counts
-WORSE = 2.0  # odometry must be so many times worse than the last velocity to be left aside
-SLACK = 0.02  # metres; and worse by this
+WORSE = 2.0  # odometry that is so many times worse than the last velocity,
+SLACK = 0.02  # metres; and worse by this,
+TELLING = 0.5  # and whose mean error is no less than this share of the motion itself, is left aside
 SENSELESS = 0.4  # metres; of odometry with such a mean error nothing is expected
+SHOWN = 0.05  # metres and radians; predictions are compared where returns tell better than this
 
 
 @dataclass(frozen=True)
@@ -43,7 +45,8 @@ class MotionPredictor:
     """Predicts by odometry, calibrated as the log goes on, or by the last velocity where that has proved better.
 
     Odometry that stands still, jumps or is noise is found out by its errors: both predictions are compared with every
-    match.
+    match, and with no motion at all. Only what returns tell counts: along a bare street each prediction confirms
+    itself. There only odometry knows the way, however noisy, and the last velocity would be carried on for ever.
     """
 
     def __init__(self, config: SlamConfig, sensor: SensorModel) -> None:
@@ -54,8 +57,8 @@ class MotionPredictor:
         self._T_odom_keyframe: Array | None = None  # at the last keyframe
         self._velocity = np.zeros(3)  # body velocity between the last matched scans
         self._seconds, self._moved = 0.0, np.zeros(3)  # since it was measured
-        self._errors = np.zeros(2)  # mean error of odometry and of the last velocity, metres
-        self._compared = 0
+        self._errors = np.zeros(3)  # mean error of odometry, of the last velocity and of no motion, metres
+        self._compared = 0.0
         self._candidates: tuple[Array | None, Array] = (None, np.zeros(3))
 
     @property
@@ -67,6 +70,11 @@ class MotionPredictor:
     def trusts_odometry(self) -> bool:
         """Whether odometry has predicted matches better than the last velocity, or not much worse."""
         return bool(self._errors[0] <= WORSE * self._errors[1] + SLACK)
+
+    @property
+    def follows_odometry(self) -> bool:
+        """Whether odometry predicts: it is trusted, or at least tells much of the motion."""
+        return self.trusts_odometry or bool(self._errors[0] <= TELLING * self._errors[2])
 
     def start(self, timestamp: float, T_odom_robot: Array | None) -> None:
         """The first scan."""
@@ -83,7 +91,7 @@ class MotionPredictor:
             if np.hypot(increment[0], increment[1]) > options.fastest * max(seconds, options.carry_on):
                 increment = None
         self._candidates = (increment, self.by_velocity(timestamp).increment)
-        if increment is not None and self.trusts_odometry:
+        if increment is not None and self.follows_odometry:
             return Prediction(increment, quality.covariance(increment), True, np.zeros((1, 3)))
         alternatives = np.zeros((1, 3))
         if increment is not None:
@@ -101,16 +109,17 @@ class MotionPredictor:
         covariance = np.diag([translation**2, translation**2, rotation**2])
         return Prediction(ahead, covariance, False, np.zeros((1, 3)))
 
-    def moved(self, timestamp: float, T_odom_robot: Array | None, moved: Array, matched: bool) -> None:
-        """Take notice of how the robot moved ``(3,)`` since the last scan, and whether returns tell it."""
+    def moved(self, timestamp: float, T_odom_robot: Array | None, moved: Array, information: Array) -> None:
+        """Take notice of how the robot moved ``(3,)`` since the last scan, and what returns tell of it ``(3, 3)``."""
         seconds = timestamp - self._timestamp
-        if matched and self._candidates[0] is not None:
-            self._compared += 1
-            for which, candidate in enumerate(self._candidates):
-                assert candidate is not None
-                error = se2.between(candidate, moved)
-                size = min(float(np.hypot(error[0], error[1])) + LEVER * abs(float(error[2])), 1.0)
-                self._errors[which] += (size - self._errors[which]) / min(self._compared, MEMORY)
+        by_odometry, by_velocity = self._candidates
+        least = float(np.linalg.eigvalsh(information)[0])
+        if least > 0.0 and by_odometry is not None:
+            weight = least / (least + 1.0 / SHOWN**2)
+            self._compared += weight
+            error = se2.between(np.stack([by_odometry, by_velocity, np.zeros(3)]), moved)
+            size = np.minimum(np.hypot(error[:, 0], error[:, 1]) + LEVER * np.abs(error[:, 2]), 1.0)
+            self._errors += weight * (size - self._errors) / min(max(self._compared, 1.0), MEMORY)
         # Scans may come in bursts: over a moment too short, noise is all there is to a velocity.
         self._velocity = self.velocity_to(timestamp, moved)
         self._seconds, self._moved = self._seconds + seconds, se2.compose(self._moved, moved)

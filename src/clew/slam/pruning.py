@@ -85,10 +85,19 @@ class Pruner:
 
     def crowded(self, keyframe: int) -> bool:
         """Whether enough keyframes look at the place of this one from its side already."""
-        neighbours = self._neighbours(np.array([keyframe]), self._keyframes.between(0, self._judged))
-        return int(neighbours.sum()) >= self._config.pruning.cover
+        return len(self._beside(keyframe, self._judged)) >= self._config.pruning.cover
 
-    def _neighbours(self, of: Index, among: Index) -> NDArray[np.bool_]:
+    def _beside(self, keyframe: int, end: int) -> Index:
+        """Those before ``end`` that stand near a keyframe and face the same way, itself among them."""
+        near = self._about(keyframe, self._config.pruning.radius, end)
+        return np.asarray(near[self._look_alike(np.array([keyframe]), near)[0]])
+
+    def _about(self, keyframe: int, radius: float, end: int) -> Index:
+        """Those before ``end`` within ``radius`` metres of a keyframe."""
+        near = self._graph.near.within(self._graph.poses[keyframe, :2], radius)
+        return near[near < end]
+
+    def _look_alike(self, of: Index, among: Index) -> NDArray[np.bool_]:
         """``(O, A)`` which keyframes stand near each other and face the same way."""
         options = self._config.pruning
         poses = self._graph.poses
@@ -99,14 +108,11 @@ class Pruner:
     def _redundant(self, comer: int, ripe: int, needed: set[int]) -> list[int]:
         """Keyframes about a new one that are covered by others, in the order in which they may go."""
         options = self._config.pruning
-        everyone = self._keyframes.between(0, ripe)
-        group = everyone[self._neighbours(np.array([comer]), everyone)[0]]
+        group = self._beside(comer, ripe)
         if len(group) <= options.cover:
             return []
-        poses = self._graph.poses
-        about = np.hypot(*(poses[everyone, :2] - poses[comer, :2]).T) <= 2.0 * options.radius
-        everyone = everyone[about]
-        near = self._neighbours(group, everyone)
+        everyone = self._about(comer, 2.0 * options.radius, ripe)
+        near = self._look_alike(group, everyone)
         older = (near & (everyone[None] < group[:, None])).sum(axis=1)
         covered = near.sum(axis=1) > options.cover
         # The oldest of the newer half goes first; the older half stays.
@@ -120,8 +126,7 @@ class Pruner:
         present poses tell.
         """
         options = self._config.pruning
-        everyone = self._keyframes.between(0, ripe)
-        near = everyone[self._neighbours(np.array([keyframe]), everyone)[0]]
+        near = self._beside(keyframe, ripe)
         partners = near[near != keyframe][:PARTNERS]
         if not len(partners):
             return None

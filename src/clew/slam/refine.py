@@ -2,13 +2,14 @@
 
 The planar form of bundle adjustment for laser scans. Each pair of overlapping keyframes is aligned point to line; since
 the residuals of a pair depend on its relative pose alone, the pair enters the graph as that pose with the information
-of its returns. Solving the graph and aligning again from the new poses is repeated.
+of its returns. Solving the graph and aligning again from the new poses is repeated. How much the pairs contradict each
+other tells what they are worth (`clew.slam.pair_noise`).
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +22,7 @@ from clew.noise import Cauchy
 from clew.scan import IndexedClouds, align, index_cloud, join, without_normal_noise
 from clew.slam.config import SlamConfig
 from clew.slam.keyframes import KeyframeStore
+from clew.slam.pair_noise import pair_variance, returns_once, with_variance
 from clew.slam.pose_graph import LEAST_INFORMATION
 from clew.slam.sensor import SensorModel
 from clew.solve import optimize
@@ -36,6 +38,36 @@ KERNEL = 3.0
 #: are what a pair of single scans has to go by, and what it makes of them does not average out over many pairs.
 BENT_ENDS = 0.25
 PAIRS_AT_ONCE = 2000  # whose returns are laid out together: memory of the alignment does not grow with the map
+
+
+@dataclass(frozen=True)
+class _Pairs:
+    """Pairs of keyframes aligned with each other.
+
+    Attributes:
+        rows: ``(P, 2)`` of the keyframes.
+        T: ``(P, 3)`` pose of the second seen from the first.
+        information: ``(P, 3, 3)`` of the returns of each pair by itself.
+        share: ``(P,)`` of it that may count as its own.
+    """
+
+    rows: NDArray[np.int32]
+    T: Array
+    information: Array
+    share: Array
+
+    def factor(self, numbers: Index, variance: float) -> Between:
+        """Edges of the graph whose keys are the numbers of the keyframes."""
+        keys = numbers[self.rows]
+        information = self.share[:, None, None] * with_variance(self.information, variance) + LEAST_INFORMATION
+        return Between(
+            keys[:, 0], keys[:, 1], SE2.from_array(self.T),
+            information=information, role=Role.LOOP, kernel=Cauchy(KERNEL),
+        )  # fmt: skip
+
+    def errors(self, poses: Array) -> Array:
+        """Residuals ``(P, 3)`` at poses ``(K, 3)``."""
+        return se2.between(self.T, se2.between(poses[self.rows[:, 0]], poses[self.rows[:, 1]]))
 
 
 def overlapping_pairs(poses: Array, radius: float, neighbours: int, numbers: Index | None = None) -> NDArray[np.int32]:
@@ -97,13 +129,16 @@ def refine(
     graph = graph.copy()
     poses = np.asarray(graph.values(numbers).array)
     added: NDArray[np.int64] | None = None
+    variance = 1.0
     for round_ in range(options.rounds):
-        factor = _pair_factor(clouds, numbers, poses, round_, config, sensor)
+        aligned = _align_pairs(clouds, numbers, poses, round_, config, sensor)
         if added is not None:
             graph.remove(added)
-        added = None if factor is None else np.atleast_1d(np.asarray(graph.add(factor)))
+        added = None if aligned is None else np.atleast_1d(np.asarray(graph.add(aligned.factor(numbers, variance))))
         optimize(graph, init="file", update=True)
         moved_to = np.asarray(graph.values(numbers).array)
+        if aligned is not None:
+            variance = pair_variance(aligned.errors(moved_to), aligned.information, len(numbers))
         movement = float(np.max(np.hypot(*(moved_to - poses)[:, :2].T)))
         poses = moved_to
         if progress is not None:
@@ -113,10 +148,10 @@ def refine(
     return graph
 
 
-def _pair_factor(
+def _align_pairs(
     clouds: list[IndexedClouds], numbers: Index, poses: Array, round_: int, config: SlamConfig, sensor: SensorModel
-) -> Between | None:
-    """Scan-to-scan edges of all overlapping pairs, aligned from the present poses."""
+) -> _Pairs | None:
+    """All overlapping pairs, aligned from the present poses."""
     options = config.refinement
     pairs = overlapping_pairs(poses, options.radius, options.neighbours, numbers)
     if not len(pairs):
@@ -130,24 +165,9 @@ def _pair_factor(
     good = overlap >= options.overlap
     if not good.any():
         return None
-    pairs, keys = pairs[good], numbers[pairs[good]]
-    worth = sensor.return_information(options.information_scale) * returns_once(pairs, len(numbers))
     of_returns = without_normal_noise(returns[good], sensor.normal_variance + BENT_ENDS**2)
-    information = worth[:, None, None] * of_returns + LEAST_INFORMATION
-    return Between(
-        keys[:, 0], keys[:, 1], SE2.from_array(T[good]),
-        information=information, role=Role.LOOP, kernel=Cauchy(KERNEL),
-    )  # fmt: skip
-
-
-def returns_once(pairs: NDArray[np.int32], count: int) -> Array:
-    """Share ``(P,)`` of their returns that pairs ``(P, 2)`` of `count` keyframes may count as their own.
-
-    The noise of a scan is in all the pairs that it takes part in, so that their information does not add up: each
-    of ``n`` pairs has an ``n``-th of it, or what lies between the shares of its two scans.
-    """
-    times = np.bincount(pairs.reshape(-1), minlength=count)[pairs]
-    return np.asarray(1.0 / np.sqrt(times[:, 0] * times[:, 1]), dtype=np.float64)
+    worth = sensor.return_information(options.information_scale)
+    return _Pairs(pairs[good], T[good], worth * of_returns, returns_once(pairs, len(numbers))[good])
 
 
 def _align_part(

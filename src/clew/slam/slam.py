@@ -151,8 +151,8 @@ class Slam:
         return np.asarray(se2.log(se2.between(T_odom_robot, end)) / sweep, dtype=np.float64)
 
     def optimise(self) -> None:
-        """Move all keyframes to where odometry and closures agree best, the latest closures included."""
-        self._closer.settle()
+        """Move all keyframes to where odometry and closures agree best, with those closures that only now are sure."""
+        self._closer.finish()
         self._pose_graph.optimise(to_the_end=True)
         self._viewer.moved(self)
 
@@ -251,6 +251,15 @@ class Slam:
     def solution(self) -> Solution:
         """`graph` with the Gaussian around the present poses: covariances, and what the measurements leave open."""
         return optimize(self.graph, init="file", max_iterations=0)
+
+    def covariances(self) -> Array:
+        """Covariances ``(K, 3, 3)`` of `keyframes` seen from the first one, each in the tangent of its pose.
+
+        Of a pose seen from any other: `Solution.joint_covariance` of `solution`, by `keyframe_numbers`.
+        """
+        if len(self.graph) < 2:
+            return np.zeros((len(self.graph), 3, 3))
+        return np.asarray(self.solution().covariances(SE2), dtype=np.float64)
 
     @property
     def chi2(self) -> float:

@@ -8,41 +8,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from clew.geometry import se2
-from clew.place import surfels_of
-from clew.scan import (
-    IndexedClouds,
-    LaserScan,
-    LikelihoodPyramid,
-    ScanPoints,
-    SourceClouds,
-    align,
-    build_pyramid,
-    correlate,
-    deskew,
-    extract_points,
-    fill_surfaces,
-    index_cloud,
-    merge_surfels,
-    with_new_partners,
-    without_normal_noise,
-)
+from clew.scan import LaserScan, ScanPoints, deskew, extract_points
 from clew.slam.config import SlamConfig
 from clew.slam.keyframes import Keyframe, KeyframeStore
+from clew.slam.local_map import LocalMap, LocalMapBuilder
+from clew.slam.matching import Match, ScanMatcher
 from clew.slam.prediction import MotionPredictor, Prediction
 from clew.slam.sensor import SensorModel
 
 Array = NDArray[np.float64]
 
-PYRAMID_LEVELS = 5
-THINNING = 0.1  # metres; the correlative search needs the shape of a scan, not each return
-LEAST_POINTS = 10
-ELSEWHERE = 1.5  # the search has left the prediction when it ended so many times `prior_floor` away
-LITTLE_SLIP = 0.7  # a prediction of more weight is left as it is
 FAST_SECONDS = 0.06  # a scan so soon after the last matched one is matched only where the robot has moved
 FAST_MORE = 2.5  # times as far as one that stands may have
 CHANGE_SIGMAS = 5.0  # of the range noise; a return that differs by more, and by more than the robot may move unseen,
 CHANGED_SHARE = 0.05  #   on so many of the beams, shows that the robot moves
-SLIP_FREEDOM = 3.0  # degrees of freedom of the distribution of odometry's errors
 SWEEP_ROUNDS = 3  # matches at most that find pose and motion during the sweep together,
 SWEEP_SHARE = 0.6  # by so much of the difference at a time,
 SWEEP_STEADY = 0.002  # until what is still to be moved in a sweep is less, metres, and a hundredth of a radian for 5 m
@@ -68,39 +47,6 @@ class TrackedScan:
     covariance: Array
 
 
-@dataclass(frozen=True)
-class _LocalMap:
-    index: IndexedClouds
-    pyramid: LikelihoodPyramid
-
-
-@dataclass(frozen=True)
-class _Match:
-    """Pose seen from the last keyframe.
-
-    Attributes:
-        pose: ``(3,)`` by returns and prediction,
-        covariance: ``(3, 3)`` of it.
-        T_returns: ``(3,)`` by the returns alone; astray where they do not tell.
-        information: ``(3, 3)`` of the returns alone.
-        of_returns: ``(3, 3)`` the part of `covariance` that comes from the noise of this scan's returns: what is next
-            measured from here bears it too.
-        kept: ``(3, 3)`` what the returns leave of an error of the last pose in the map, seen from this one.
-    """
-
-    pose: Array
-    covariance: Array
-    T_returns: Array
-    information: Array
-    of_returns: Array
-    kept: Array
-
-    @property
-    def matched(self) -> bool:
-        """Whether returns have a say in the pose."""
-        return bool(self.information.any())
-
-
 class Tracker:
     """Matches scans against a map of recent keyframes and decides when a scan becomes a keyframe.
 
@@ -113,8 +59,9 @@ class Tracker:
         self._config = config
         self._sensor = sensor
         self._predictor = MotionPredictor(config, sensor)
-        self._map: _LocalMap | None = None
-        self._surfaces: dict[int, ScanPoints] = {}  # those of the keyframes in the map, filled
+        self._matcher = ScanMatcher(config, sensor)
+        self._maps = LocalMapBuilder(keyframes, config)
+        self._map: LocalMap | None = None
         self._T_keyframe_robot = np.zeros(3)  # at the last matched scan
         self._covariance = np.zeros((3, 3))  # of it, were the last keyframe where the map has it
         self._drift = np.zeros((3, 3))  # of the last keyframe in the map, beyond the noise of its returns,
@@ -141,7 +88,7 @@ class Tracker:
         increment = prediction.increment
         if prediction.by_odometry and self._stands(increment, scan.timestamp) and not self._looks_elsewhere(still):
             predicted = se2.compose(self._T_keyframe_robot, increment)
-            return TrackedScan(len(self._keyframes) - 1, predicted, False, still, self._step_covariance())
+            return TrackedScan(len(self._keyframes) - 1, predicted, False, still, self._carried_on(prediction))
         points = extract_points(still, self._config.cleaning)
         match = self._match(points, prediction)
         if prediction.by_odometry and not match.matched:  # odometry may be what misleads
@@ -150,7 +97,7 @@ class Tracker:
         if velocity is None and scan.time_increment > 0.0:
             still, points, match = self._match_sweep(scan, still, points, match, prediction)
         moved = se2.between(self._T_keyframe_robot, match.pose)
-        self._predictor.moved(scan.timestamp, T_odom_robot, moved, match.matched)
+        self._predictor.moved(scan.timestamp, T_odom_robot, moved, match.information)
         self._T_keyframe_robot, self._covariance, self._scan = match.pose, match.covariance, still
         self._kept = match.kept @ self._kept
         covariance = self._step_covariance()
@@ -161,8 +108,8 @@ class Tracker:
         return TrackedScan(len(self._keyframes) - 1, match.pose, False, still, covariance)
 
     def _match_sweep(
-        self, scan: LaserScan, still: LaserScan, points: ScanPoints, match: _Match, prediction: Prediction
-    ) -> tuple[LaserScan, ScanPoints, _Match]:
+        self, scan: LaserScan, still: LaserScan, points: ScanPoints, match: Match, prediction: Prediction
+    ) -> tuple[LaserScan, ScanPoints, Match]:
         """Pose and motion during the sweep that agree with each other.
 
         A velocity that is too large takes too much motion out of the scan, so that its match lies too far back, by up
@@ -214,83 +161,9 @@ class Tracker:
         limit = CHANGE_SIGMAS * self._sensor.range_noise + self._config.tracking.still_distance
         return bool(np.count_nonzero(change > limit) > CHANGED_SHARE * max(len(change), 1))
 
-    def _match(self, points: ScanPoints, prediction: Prediction) -> _Match:
-        """Pose and covariance from the prediction and the returns; the prediction where they do not tell."""
+    def _match(self, points: ScanPoints, prediction: Prediction) -> Match:
         assert self._map is not None
-        transport = se2.adjoint(se2.inverse(prediction.increment))
-        prior = transport @ self._covariance @ transport.T + prediction.covariance
-        predicted = se2.compose(self._T_keyframe_robot, prediction.increment)
-        unmatched = _Match(predicted, prior, predicted, np.zeros((3, 3)), np.zeros((3, 3)), transport)
-        if len(points) < LEAST_POINTS:
-            return unmatched
-        options = self._config.tracking
-        sigmas = np.sqrt(np.diag(prior))
-        half = np.maximum(options.window_sigmas * sigmas, options.window_floor) + self._surprise(prediction)
-        half = np.minimum(half, options.window_ceiling)
-        coarse = correlate(
-            self._map.pyramid, merge_surfels(points, THINNING).points, predicted, half,
-            prior_sigmas=np.maximum(sigmas, options.prior_floor), prior_weight=options.prior_weight,
-        )  # fmt: skip
-        start = predicted if coarse is None else coarse.T_target_source
-        precision = np.asarray(np.linalg.inv(prior), dtype=np.float64)
-        prior_information = precision
-        if np.linalg.norm(se2.between(predicted, start) / options.prior_floor) > ELSEWHERE:
-            # Far from the prediction: were it held to it, the alignment would find other partners on its way back.
-            prior_information = np.linalg.inv(prior + np.diag(np.square(options.prior_floor)))
-        for attempt in range(2):
-            aligned = self._align(points, start, predicted, prior_information)
-            if aligned is None:
-                return unmatched
-            pose, T_returns, information = aligned
-            trust = self._slip(predicted, T_returns, prior, information)
-            if attempt or (trust > LITTLE_SLIP and prior_information is precision):
-                break
-            start, prior_information = pose, trust * precision
-        covariance = np.linalg.inv(information + prior_information)
-        gain = covariance @ information
-        of_returns = np.asarray(gain @ covariance @ gain.T, dtype=np.float64)
-        kept = np.asarray((np.eye(3) - gain) @ transport, dtype=np.float64)
-        return _Match(pose, np.asarray(covariance, dtype=np.float64), T_returns, information, of_returns, kept)
-
-    @staticmethod
-    def _surprise(prediction: Prediction) -> Array:
-        """What the window grows by, so that the alternatives to the prediction lie in it."""
-        away = se2.between(prediction.increment, prediction.alternatives)
-        distance = float(np.hypot(away[:, 0], away[:, 1]).max())
-        return np.array([distance, distance, 0.5 * float(np.abs(away[:, 2]).max())])
-
-    def _align(
-        self, points: ScanPoints, start: Array, predicted: Array, prior_information: Array
-    ) -> tuple[Array, Array, Array] | None:
-        """Pose by returns and prediction, pose by the returns alone, and their information; None without overlap."""
-        assert self._map is not None
-        worth = self._sensor.return_information(self._config.tracking.information_scale)
-        source = SourceClouds.single(points)
-        fine = align(
-            self._map.index, source, np.zeros((1, 2), dtype=np.int32), start[None],
-            T_prior=predicted[None], prior_information=prior_information[None] / worth,
-            options=self._sensor.alignment,
-        )  # fmt: skip
-        pose = fine.T_target_source[0]
-        if fine.overlap[0] < self._config.tracking.overlap:
-            return None
-        self._sensor.matched(float(fine.rms[0]))
-        held = with_new_partners(self._map.index, source, pose, fine.information[0], self._sensor.alignment)
-        information = without_normal_noise(worth * held, self._sensor.normal_variance)
-        return pose, se2.compose(pose, fine.step[0]), information
-
-    @staticmethod
-    def _slip(predicted: Array, T_returns: Array, prior: Array, information: Array) -> float:
-        """Weight of a prediction that the returns contradict: wheels slip, so odometry's errors have heavy tails.
-
-        It is that of a Student's t distribution (Lange, Little, Taylor 1989). Where the returns tell nothing, as along
-        a corridor, they contradict nothing.
-        """
-        error = se2.between(predicted, T_returns)
-        # (prior + information^-1)^-1 without inverting what may be singular.
-        weight = np.linalg.solve(np.eye(3) + information @ prior, information)
-        squared = float(error @ weight @ error)
-        return (SLIP_FREEDOM + 3) / (SLIP_FREEDOM + max(squared, 3.0))
+        return self._matcher.match(self._map, points, self._T_keyframe_robot, self._covariance, prediction)
 
     def _step_covariance(self) -> Array:
         """``(3, 3)`` of the pose seen from the last keyframe, in its own tangent.
@@ -301,6 +174,12 @@ class Tracker:
         """
         corrected = self._kept - se2.adjoint(se2.inverse(self._T_keyframe_robot))
         return np.asarray(self._covariance + corrected @ self._drift @ corrected.T, dtype=np.float64)
+
+    def _carried_on(self, prediction: Prediction) -> Array:
+        """``(3, 3)`` of the pose that odometry alone tells since the last matched scan."""
+        transport = se2.adjoint(se2.inverse(prediction.increment))
+        carried = transport @ self._step_covariance() @ transport.T + prediction.covariance
+        return np.asarray(carried, dtype=np.float64)
 
     def _starts_keyframe(self, timestamp: float) -> bool:
         options = self._config.tracking
@@ -326,19 +205,5 @@ class Tracker:
         left = self._kept @ self._drift @ self._kept.T + self._covariance - of_returns
         self._drift = (1.0 - 1.0 / self._config.tracking.map_keyframes) * left  # older keyframes leave the map
         self._T_keyframe_robot, self._covariance, self._kept = np.zeros(3), of_returns, np.eye(3)
-        self._map = self._build_map(index)
+        self._map = self._maps.build(index)
         return index
-
-    def _build_map(self, index: int) -> _LocalMap:
-        options, cleaning = self._config.tracking, self._config.cleaning
-        members = self._keyframes.between(index + 1 - options.map_keyframes, index + 1)
-        self._surfaces = {
-            k: self._surfaces[k] if k in self._surfaces else fill_surfaces(self._keyframes[k].points, cleaning)
-            for k in members.tolist()
-        }
-        poses = self._keyframes.relative(index, members)
-        surfels = surfels_of(list(self._surfaces.values()), poses, options.voxel)
-        pyramid = build_pyramid(
-            surfels.points, resolution=options.resolution, sigma=options.sigma, levels=PYRAMID_LEVELS
-        )
-        return _LocalMap(index_cloud(surfels), pyramid)

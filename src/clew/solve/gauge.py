@@ -155,8 +155,10 @@ def _judge(
     for part in np.flatnonzero(_unseen(seen, space[leader])):
         dim = int(space[leader[part]])
         gauge = 3 if dim == 2 else 6
-        values, vectors = np.linalg.eigh(seen[part, :gauge, :gauge])
-        free = vectors[:, values <= _RANK_TOLERANCE * max(values[-1], 1e-300)]
+        free = np.eye(gauge)
+        if seen[part].any():
+            values, vectors = np.linalg.eigh(seen[part, :gauge, :gauge])
+            free = vectors[:, values <= _RANK_TOLERANCE * max(values[-1], 1e-300)]
         anchor = int(pose[part]) if pose[part] >= 0 else int(leader[part])
         hold = free.shape[1] == gauge and (pose[part] >= 0 or sizes[part] == 1)
         parts.append(Part(int(sizes[part]), int(keys[anchor]), bool(hold), _words(free, dim)))
@@ -172,10 +174,11 @@ def _judge(
 
 
 def _unseen(seen: Array, space: Index) -> NDArray[np.bool_]:
-    """Parts for which the matrix of seen motions is rank deficient."""
-    lost = np.zeros(len(seen), bool)
+    """Parts for which the matrix of seen motions is rank deficient; in most graphs nothing is seen at all."""
+    some = seen.any(axis=(1, 2))
+    lost: NDArray[np.bool_] = ~some
     for dim, gauge in ((2, 3), (3, 6)):
-        mine = np.flatnonzero(space == dim)
+        mine = np.flatnonzero(some & (space == dim))
         if len(mine):
             values = np.linalg.eigvalsh(seen[mine, :gauge, :gauge])
             lost[mine] = values[:, 0] <= _RANK_TOLERANCE * np.maximum(values[:, -1], 1e-300)

@@ -14,6 +14,8 @@ Flags = NDArray[np.bool_]
 
 def place_landmarks(problem: Problem, values: Values) -> Values:
     """Move each free landmark to its first sighting by point, or by range and bearing; others stay."""
+    if not any(block.factor.native in ("point", "range_bearing") for block in problem.blocks):
+        return values
     return sighted_landmarks(problem, values, [np.ones(len(array), bool) for array in values])[0]
 
 

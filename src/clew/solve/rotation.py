@@ -24,8 +24,6 @@ Array = NDArray[np.float64]
 #: Of relations in a row: ``A (m, s, s)``, ``B (m, s, s)``, ``c (m, s, k)``, ``Omega (m, s, s)``; see `_Linear.solve`.
 Terms = tuple[Array, Array, Array, Array]
 
-_PIECE = 4096  # poses handled together
-
 
 def rotation_guess(problem: Problem, relations: Relations) -> Array | None:
     """Poses ``(N, storage)``, or None if some pose hangs on no known one.
@@ -68,6 +66,7 @@ class _Linear:
     ) -> None:
         self.relations = relations
         self.free = np.flatnonzero(columns >= 0)
+        self.given = columns < 0
         self.pattern, self.symbolic = pattern, symbolic
         self.gradient = np.append(pattern.starts[:-1], -1).astype(np.int32)[pairs]
         self.plan = scatter_plan(pattern, pairs)
@@ -77,7 +76,7 @@ class _Linear:
         ``c`` and in `known` only.
 
         Args:
-            terms: of a piece of the relations, see `Relations.pieces`.
+            terms: of a piece of the relations, see `Relations.pieces`; `c` is overwritten.
             known: ``(N, space, k)`` values of the known poses, zero elsewhere.
 
         Returns:
@@ -88,7 +87,10 @@ class _Linear:
         gradient = np.zeros((problems, self.pattern.dim))
         for piece, *measured in relations.pieces():
             by_i, by_j, constant, information = terms(piece, *measured)
-            residual = by_i @ known[relations.i[piece]] + by_j @ known[relations.j[piece]] + constant
+            residual = constant
+            for jacobian, pose in ((by_i, relations.i[piece]), (by_j, relations.j[piece])):
+                here = np.flatnonzero(self.given[pose])  # most relations see no known pose
+                residual[here] += np.einsum("mij,mjk->mik", jacobian[here], known[pose[here]])
             jacobians = [np.ascontiguousarray(by_i), np.ascontiguousarray(by_j)]
             for k in range(problems):
                 _native.solve.accumulate(
@@ -139,24 +141,21 @@ def _rotations(relations: Relations, system: _Linear) -> Array | None:
         angles: Array = np.arctan2(-solution[:, 1], solution[:, 0])
         return angles
     quaternions = np.empty((len(solution), 4))
-    for start in range(0, len(solution), _PIECE):
-        piece = slice(start, start + _PIECE)
-        left, _, right = np.linalg.svd(solution[piece])
-        left[:, :, 2] *= np.sign(np.linalg.det(left @ right))[:, None]
-        quaternions[piece] = so3.from_matrix(np.swapaxes(left @ right, 1, 2))
-    return quaternions
+    _native.solve.nearest_rotations(solution, quaternions)
+    return so3.inverse(quaternions)
 
 
 def _positions(relations: Relations, system: _Linear, rotations: Array) -> Array | None:
     """Positions ``(N, space)`` given the rotations: ``e = R_z^T (R_i^T (t_j - t_i) - t_z)`` is linear."""
     space = relations.kind.space
-    matrix = so2.matrix if space == 2 else so3.matrix
+    functions = so2 if space == 2 else so3
 
     def terms(piece: slice, measurement: Array, information: Array) -> Terms:
-        measured = np.swapaxes(matrix(measurement[:, space:]), 1, 2)
-        turn = measured @ np.swapaxes(matrix(rotations[relations.i[piece]]), 1, 2)
-        offset = measured @ measurement[:, :space, None]
-        return -turn, turn, -offset, np.ascontiguousarray(information[:, :space, :space])
+        position, rotation = measurement[:, :space], measurement[:, space:]
+        turned = functions.compose(rotations[relations.i[piece]], rotation)
+        turn = np.swapaxes(functions.matrix(turned), 1, 2)
+        offset = functions.act(functions.inverse(rotation), position)
+        return -turn, turn, -offset[:, :, None], np.ascontiguousarray(information[:, :space, :space])
 
     known = np.zeros((len(relations.start), space, 1))
     known[relations.known, :, 0] = relations.start[relations.known, :space]
