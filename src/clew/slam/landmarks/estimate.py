@@ -13,6 +13,7 @@ from clew.evaluate import align
 from clew.geometry import SE2, Point2, se2, so2
 from clew.graph import FactorGraph
 from clew.io import SightingLog
+from clew.linalg import FactorStatus
 from clew.slam.landmarks.graph import build_graph
 from clew.slam.landmarks.model import SCALE_UNCERTAINTY, SensorModel
 from clew.slam.landmarks.noise import reestimate
@@ -155,6 +156,10 @@ def _settle(
         progress(done)
         graph, factors = build_graph(tracks, models, poses, landmarks)
         solution = optimize(graph, init="file", max_iterations=40, cost_tolerance=1e-7 if last else 1e-5)
+        if solution.posterior.factor.status is not FactorStatus.OK:
+            names = " and ".join(f"robot {track.log.robot}" for track in tracks)
+            raise InputError(f"{tracks[0].log.path}: what {names} saw does not fit its odometry well enough for a map; "
+                             "look whether times are of one clock, ranges in metres, bearings and turn rates in radians")
         landmarks, poses, found = {}, [], []
         for track, model in zip(tracks, models, strict=True):
             its_poses, its_landmarks, calibration = read_solution(solution, track)
