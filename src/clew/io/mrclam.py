@@ -109,8 +109,10 @@ def _sightings(folder: Path, robot: int, report: ReadReport) -> Sightings:
     rows, lines = read_table(path, 4, "time barcode range bearing")
     turned = np.flatnonzero(np.abs(rows[:, 3]) > 2.0 * np.pi)
     if len(turned):
-        raise InputError(f"{path}, line {lines[turned[0]]}: a bearing of {rows[turned[0], 3]:g} rad is more than a whole "
-                         "turn; give radians")
+        raise InputError(
+            f"{path}, line {lines[turned[0]]}: a bearing of {rows[turned[0], 3]:g} rad is more than a whole turn; "
+            "give radians"
+        )
     identity = _identities(folder / _BARCODES, rows[:, 1])
     reasons = {
         "sighting of an unknown barcode": identity < 0,

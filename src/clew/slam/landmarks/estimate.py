@@ -29,8 +29,8 @@ Indices = NDArray[np.int64]
 Progress = Callable[[str, int, int], None]
 
 _ROUNDS = 15
-_ROUNDS_BEFORE = 5  # for each robot by itself, where all are solved as one after that
-_ROUNDS_TOGETHER = 8  # from there on
+_ROUNDS_BEFORE = 6  # for each robot by itself, where all are solved as one after that
+_ROUNDS_TOGETHER = 10  # from there on
 _SETTLED = 0.02  # change of the noise parameters that is not worth another round, as a share
 _FEWEST_COMMON = 3  # landmarks that tell how two robots' maps lie to each other
 
@@ -158,8 +158,10 @@ def _settle(
         solution = optimize(graph, init="file", max_iterations=40, cost_tolerance=1e-7 if last else 1e-5)
         if solution.posterior.factor.status is not FactorStatus.OK:
             names = " and ".join(f"robot {track.log.robot}" for track in tracks)
-            raise InputError(f"{tracks[0].log.path}: what {names} saw does not fit its odometry well enough for a map; "
-                             "look whether times are of one clock, ranges in metres, bearings and turn rates in radians")
+            raise InputError(
+                f"{tracks[0].log.path}: what {names} saw does not fit the odometry well enough for a map; look whether "
+                "times are of one clock, ranges in metres, bearings and turn rates in radians"
+            )
         landmarks, poses, found = {}, [], []
         for track, model in zip(tracks, models, strict=True):
             its_poses, its_landmarks, calibration = read_solution(solution, track)

@@ -54,12 +54,17 @@ class Linearised:
                 total += term if i == j else term + np.swapaxes(term, 1, 2)
         return total
 
-    def leverages(self, given: Sequence[int]) -> Array:
-        """Share ``(M, d)`` of each residual that the variables take up, those at the positions `given` being known."""
-        open_ones = [k for k in range(len(self.jacobians)) if k not in given]
-        across = np.concatenate([self.jacobians[i] for i in open_ones], axis=2) @ self._block(open_ones, given)
-        known = self._block(given, given)
-        spread = self.covariance(open_ones) - across @ np.linalg.solve(known, np.swapaxes(across, 1, 2))
+    def leverages(self, moved: Sequence[int], given: Sequence[int]) -> Array:
+        """Share ``(M, d)`` of each residual that the variables at the positions `moved` take up.
+
+        Half the derivative of the logarithm of the determinant of the information of all variables but those at the
+        positions `given`, by the logarithm of what the Jacobians at `moved` are multiplied by.
+        """
+        everything = [k for k in range(len(self.jacobians)) if k not in given]
+        whole, part = (np.concatenate([self.jacobians[i] for i in rows], axis=2) for rows in (everything, moved))
+        of_part = np.swapaxes(part @ self._block(moved, given), 1, 2)
+        known = whole @ self._block(everything, given) @ np.linalg.solve(self._block(given, given), of_part)
+        spread = whole @ self._block(everything, moved) @ np.swapaxes(part, 1, 2) - known
         weight = self.factor.information
         if self.factor.kernel is not None:
             cost = np.einsum("ni,nij,nj->n", self.error, weight, self.error)

@@ -19,8 +19,8 @@ from clew.slam.landmarks.linearised import Linearised
 
 Array = NDArray[np.float64]
 
-_OF_RANGES = _OF_BEARINGS = (2, 3, 5)  # positions of the calibration in the factors; the others are places and biases
-_OF_MOTION = (2, 3)
+#: Positions in the factors: of places, which measurements see stretched, and of the calibration.
+_PLACES, _OF_SIGHTINGS, _OF_MOTION = (0, 1), (2, 3, 5), (2, 3)
 
 
 def pull_of_sightings(at_ranges: Linearised, at_bearings: Linearised) -> Array:
@@ -29,13 +29,13 @@ def pull_of_sightings(at_ranges: Linearised, at_bearings: Linearised) -> Array:
     assert isinstance(ranges, CalibratedRange)
     assert isinstance(bearings, CalibratedBearing)
     out, measured = np.zeros((7, 2)), ranges.measurement
-    share = at_ranges.leverages(_OF_RANGES)[:, 0]
+    share = at_ranges.leverages(_PLACES, _OF_SIGHTINGS)[:, 0]
     share = share / ranges.stretch(*at_ranges.values[2:4], measurement=measured)[:, 0]
     out[2] = share.sum(), -share @ measured[:, 3]
     out[3] = share @ measured[:, 1:3]
     b = bearings.direction(*at_bearings.values, measurement=bearings.measurement)
     slope, (curve, cube) = at_bearings.values[2][0, 1], at_bearings.values[3][0]
-    share = at_bearings.leverages(_OF_BEARINGS)[:, 0] / (1.0 + slope + 2.0 * curve * b + 3.0 * cube * b**2)
+    share = at_bearings.leverages(_PLACES, _OF_SIGHTINGS)[:, 0] / (1.0 + slope + 2.0 * curve * b + 3.0 * cube * b**2)
     out[4, 1] = share.sum()
     out[5] = 2.0 * share @ b, 3.0 * share @ b**2
     return out
@@ -44,6 +44,6 @@ def pull_of_sightings(at_ranges: Linearised, at_bearings: Linearised) -> Array:
 def pull_of_motion(at: Linearised) -> Array:
     """By motions, whose translations are measured in a unit; the density of their noise has it, too."""
     out = np.zeros((7, 2))
-    open_ones = 2.0 * len(at.error) - at.leverages(_OF_MOTION)[:, :2].sum()
+    open_ones = 2.0 * len(at.error) - at.leverages(_PLACES, _OF_MOTION)[:, :2].sum()
     out[0, 0] = open_ones / (1.0 + at.values[2][0, 0])
     return out
