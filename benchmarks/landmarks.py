@@ -68,8 +68,8 @@ def rows_of(found: LandmarkMap, logs: list[SightingLog], label: str, seconds: fl
 
 def mrclam(folder: Path) -> None:
     columns = ("run", "robot", "ATE m", "heading deg", "NEES position (2)", "95 % band of independent",
-               "NEES heading (1)", "95 % band of independent", "scale % (deviation)", "body frame cm, cm, deg", "later ms",
-               "heading noise deg", "landmarks rmse m", "max m", "CPU s")  # fmt: skip
+               "NEES heading (1)", "95 % band of independent", "scale % (deviation)", "body frame cm, cm, deg",
+               "later ms", "heading noise deg", "landmarks rmse m", "max m", "CPU s")  # fmt: skip
     print(f"| {' | '.join(columns)} |\n{'| --- ' * len(columns)}|")
     logs = [read_mrclam(folder, n) for n in mrclam_robots(folder)]
     for label, chosen in [*(("alone", [log]) for log in logs), ("merged", logs)]:

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from clew.factors import Between, PointObservation
-from clew.slam.landmarks.noise import expected_squares
+from clew.slam.landmarks.linearised import expected_squares
 from clew.solve import Solution
 
 Array = NDArray[np.float64]

@@ -17,7 +17,7 @@ from clew.place import NEW, Gates, joint_compatibility, nearest_neighbour
 from clew.slam.landmarks.components import VarianceComponents, inverted
 from clew.slam.landmarks.existence import never_there
 from clew.slam.landmarks.filter import LandmarkFilter
-from clew.slam.landmarks.noise import expected_squares
+from clew.slam.landmarks.linearised import expected_squares
 from clew.slam.landmarks.record import Motions, Seen
 from clew.slam.landmarks.review import (
     Compared,
