@@ -26,6 +26,7 @@ _LOG = logging.getLogger(__name__)
 _MOST_SEEDS = 60  # pairs from which a set is grown, the likeliest first
 _MOST_PAIRS = 100  # of a set; the rest is found once it has moved the map
 _MOST_WORK = 2_000_000  # pairs that are looked at in growing sets, each as often as a pair was added
+_MOST_UNCLEAR = 20  # pairs in a row that others contradict, after which a set is not grown further
 _HOPELESS = 4.0  # times the gate: pairs so far off, given those of the set, will hardly come back into it
 _JITTER = 1e-9  # square metres; keeps exactly equal landmarks from dividing by zero
 
@@ -192,7 +193,7 @@ def _grow(
 def _clearest(evidence: Array, first: Indices, second: Indices, apart: Flags, margin: float) -> int:
     """The likeliest pair (of landmarks `first` and `second`) that none that contradicts it comes near; -1 if none."""
     likely = np.flatnonzero(evidence > 0.0)
-    for place in likely[np.argsort(-evidence[likely], kind="stable")].tolist():
+    for place in likely[np.argsort(-evidence[likely], kind="stable")[:_MOST_UNCLEAR]].tolist():
         a, b = first[place], second[place]
         rivals = np.flatnonzero(evidence > evidence[place] - margin)
         f, s = first[rivals], second[rivals]
