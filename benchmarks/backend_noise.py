@@ -28,8 +28,8 @@ def noise(data: Path, seeds: int) -> None:
     import clew
     from clew.io import read_graph
 
-    print("| graph | noise, rad | seed | chi2 from the minimum without noise | chi2 by default | guess | iterations | s "
-          "| |")
+    print("| graph | noise, rad | seed | chi2 from the minimum without noise | chi2 by default | guess | iterations "
+          "| s | |")
     print("| --- | ---: | ---: | ---: | ---: | --- | ---: | ---: | --- |")
     reached = []
     for name, levels in NOISE.items():
