@@ -100,6 +100,28 @@ def test_two_robots_are_one_map(log: SightingLog) -> None:
     assert set(found.graph.keys(Point2)) == set(found.identity)
 
 
+def test_a_robot_that_sees_little_is_found_by_one_that_sees_it(log: SightingLog) -> None:
+    """Robot 2 sees landmarks at the begin and at the end only; in between robot 1 sees it."""
+    other = simulate(2, 1, np.array([-0.5, 1.5, 2.0]))
+    assert log.truth is not None
+    assert other.truth is not None
+    stamp = other.landmarks.timestamp
+    other = replace(other, landmarks=other.landmarks.take((stamp < 20.0) | (stamp > 105.0)))
+    rng = np.random.default_rng(2)
+    q = se2.act(se2.inverse(log.truth[::8, 1:]), other.truth[::8, 1:3])
+    bearing, distance = np.arctan2(q[:, 1], q[:, 0]), np.hypot(*q.T)
+    seen = np.abs(bearing) < 0.8
+    z = bearing[seen] + OFFSET + BEARING_SIGMA * rng.standard_normal(seen.sum())
+    ranges = distance[seen] * (1.0 + CURVE * (z * z - 0.12)) + RANGE_SIGMA * rng.standard_normal(seen.sum())
+    mates = Sightings(log.truth[::8, 0][seen], np.full(seen.sum(), 2), ranges, z)
+    errors = []
+    for robots in (log.robots, mates):
+        found = map_landmarks([replace(log, robots=robots), other]).robots[1]
+        error = absolute_trajectory_error(other.truth[:, 0], other.truth[:, 1:], found.timestamps, found.T_world_robot)
+        errors.append(error.translation.rmse)
+    assert errors[1] < 0.6 * errors[0]
+
+
 def test_robots_without_common_landmarks_are_refused(log: SightingLog) -> None:
     other = simulate(2, 1, np.array([-0.5, 1.5, 2.0]), 40.0)
     seen = other.landmarks

@@ -54,14 +54,18 @@ class Linearised:
                 total += term if i == j else term + np.swapaxes(term, 1, 2)
         return total
 
-    def leverages(self, moved: Sequence[int], given: Sequence[int]) -> Array:
+    def leverages(self, moved: Sequence[int], given: Sequence[int], *, lengths: bool = False) -> Array:
         """Share ``(M, d)`` of each residual that the variables at the positions `moved` take up.
 
         Half the derivative of the logarithm of the determinant of the information of all variables but those at the
-        positions `given`, by the logarithm of what the Jacobians at `moved` are multiplied by.
+        positions `given`, by the logarithm of what the Jacobians at `moved` are multiplied by; with `lengths` those by
+        coordinates in metres only.
         """
         everything = [k for k in range(len(self.jacobians)) if k not in given]
         whole, part = (np.concatenate([self.jacobians[i] for i in rows], axis=2) for rows in (everything, moved))
+        if lengths:
+            metres = np.concatenate([np.arange(self.factor.kinds[i].dim) < 2 for i in moved])
+            part = part * metres
         of_part = np.swapaxes(part @ self._block(moved, given), 1, 2)
         known = whole @ self._block(everything, given) @ np.linalg.solve(self._block(given, given), of_part)
         spread = whole @ self._block(everything, moved) @ np.swapaxes(part, 1, 2) - known

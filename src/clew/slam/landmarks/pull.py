@@ -6,6 +6,10 @@ let measurements say more about places are not therefore likelier. The more a me
 says; so the derivative of the difference is its leverage times that of the logarithm of its stretch. Where there are
 as many places as moments, this is no small matter: without it pictures come out compressed and maps small.
 
+In a larger map ranges, steps of the odometry and bearings all say less about places in proportion; so the size of the
+map draws at nothing but what has no prior of its own, the landmarks. Ranges stand for the bearings in this: the nearer
+something is, the more its bearing says.
+
 The results are derivatives ``(7, 2)`` of half the cost by the points of `Calibration`.
 """
 
@@ -29,7 +33,7 @@ def pull_of_sightings(at_ranges: Linearised, at_bearings: Linearised) -> Array:
     assert isinstance(ranges, CalibratedRange)
     assert isinstance(bearings, CalibratedBearing)
     out, measured = np.zeros((7, 2)), ranges.measurement
-    share = at_ranges.leverages(_PLACES, _OF_SIGHTINGS)[:, 0]
+    share = sum(at.leverages(_PLACES, _OF_SIGHTINGS, lengths=True)[:, 0] for at in (at_ranges, at_bearings))
     share = share / ranges.stretch(*at_ranges.values[2:4], measurement=measured)[:, 0]
     out[2] = share.sum(), -share @ measured[:, 3]
     out[3] = share @ measured[:, 1:3]
@@ -44,6 +48,6 @@ def pull_of_sightings(at_ranges: Linearised, at_bearings: Linearised) -> Array:
 def pull_of_motion(at: Linearised) -> Array:
     """By motions, whose translations are measured in a unit; the density of their noise has it, too."""
     out = np.zeros((7, 2))
-    open_ones = 2.0 * len(at.error) - at.leverages(_PLACES, _OF_MOTION)[:, :2].sum()
+    open_ones = 2.0 * len(at.error) - at.leverages(_PLACES, _OF_MOTION, lengths=True)[:, :2].sum()
     out[0, 0] = open_ones / (1.0 + at.values[2][0, 0])
     return out
