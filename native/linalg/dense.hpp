@@ -53,12 +53,12 @@ struct DenseKernels {
     void (*backward)(int32_t n, const double* d, int32_t rows, const double* b, int64_t ldb, double* x,
                      const double* t);
 
-    // Extend-add of a child's update matrix u (see update_matrix.hpp): what falls into some columns of the parent's panel,
-    // or of its update matrix.
+    // Extend-add of a child's update matrix u (see update_matrix.hpp): what falls into some columns of the parent's
+    // panel, or of its update matrix.
     void (*add_to_panel)(const double* u, int64_t ldu, const Run* runs, const Run* remaining, const Run* end,
                          Columns columns, double* d, int64_t ldd, double* b, int64_t ldb);
-    void (*add_to_update)(const double* u, int64_t ldu, const Run* remaining, const Run* end, Columns columns, double* to,
-                          int64_t ldt);
+    void (*add_to_update)(const double* u, int64_t ldu, const Run* remaining, const Run* end, Columns columns,
+                          double* to, int64_t ldt);
 };
 
 }  // namespace clew::linalg

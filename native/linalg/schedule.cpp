@@ -13,7 +13,7 @@ namespace {
 
 constexpr double kWorthThreads = 2e7;  // flops below which starting threads costs more than it saves
 constexpr double kShared = 0.6;        // share of a thread by which each more of them speeds a front of the top up
-constexpr int64_t kSmall = 4096;       // doubles of an update matrix that cache holds beside a front
+constexpr int64_t kSmall = 1024;       // doubles of an update matrix that cache holds beside a front
 
 int64_t update_size(const Front& front) { return (update_matrix_size(front.updates, front.ld_b) + 7) / 8 * 8; }
 
@@ -133,8 +133,8 @@ private:
 };
 
 // Places for the update matrices of some fronts; those of their children that are marked in `own` are given back. With
-// `in_factor`, large ones are put into panels of fronts that come after the parent. Small ones share few places that stay
-// in cache.
+// `in_factor`, large ones are put into panels of fronts that come after the parent. Small ones share few places that
+// stay in cache.
 template <class Fronts>
 void place_updates(const Symbolic& symbolic, const Fronts& fronts, const std::vector<bool>& own, bool in_factor,
                    Schedule& schedule) {

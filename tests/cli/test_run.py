@@ -93,7 +93,9 @@ def test_summary_says_what_happened(finished: Path) -> None:
     with (finished / "out" / "closures.csv").open(newline="") as file:
         rows = list(csv.DictReader(file))
     confirmed = sum(row["verdict"] == "confirmed" for row in rows)
-    assert (confirmed, len(rows) - confirmed) == (summary["closures_accepted"], summary["closures_rejected"])
+    redundant = sum(row["verdict"] == "redundant" for row in rows)
+    assert [summary[f"closures_{kind}"] for kind in ("accepted", "redundant", "rejected")] == [
+        confirmed, redundant, len(rows) - confirmed - redundant]
 
 
 def test_second_run_makes_the_same_bytes(finished: Path, clew_command: Command) -> None:

@@ -39,7 +39,7 @@ def submap_of(segments: Array, count: int = 5) -> Submap:
 
 
 def matched(submap: Submap, query: ScanPoints, T_predicted: Array, half: tuple[float, float, float] = (1.5, 1.5, 0.4),
-            **options: float) -> Closure:
+            *, may_slide: bool = False, **options: float) -> Closure:
     """The verdict on a query within a window, with next to no prior."""
     return verify(submap, query, 30, T_predicted, T_predicted, np.array(half), np.eye(3), 0.9,
-                  VerificationOptions(**options), AlignmentOptions())
+                  VerificationOptions(**options), AlignmentOptions(), may_slide=may_slide)

@@ -61,3 +61,21 @@ def test_agreement_is_mutual(a: Array, b: Array, c: Array, d: Array, miss: float
         there = agree(first, wrong, T_source, T_target, 0.0, OPTIONS)
         back = agree(wrong, first, se2.inverse(T_source), se2.inverse(T_target), 0.0, OPTIONS)
         assert there == back == (miss < 0.15)
+
+
+@pytest.mark.parametrize(("along", "across", "agrees"), [(0.0, 0.0, True), (0.9, 0.0, True), (1.2, 0.0, False),
+                                                        (0.0, 0.2, False), (0.9, 0.2, False)])
+def test_along_a_bare_corridor_two_agree_as_well_as_the_way_between_them_is_known(along: float, across: float,
+                                                                               agrees: bool) -> None:
+    first, second, T_source, T_target = loop(*np.random.default_rng(2).uniform(-3, 3, (4, 3)))
+    # The corridor runs along x of the second source, half a metre uncertain.
+    wrong = replace(second, T_target_source=se2.compose(second.T_target_source, np.array([along, across, 0.0])))
+    covariance = np.diag([0.5**2, 0.0, 0.0])
+    assert agree(first, wrong, T_source, T_target, 0.0, OPTIONS, covariance) == agrees
+
+
+def test_headings_agree_as_well_as_they_are_known() -> None:
+    first, second, T_source, T_target = loop(*np.zeros((4, 3)))
+    wrong = replace(second, T_target_source=np.array([0.0, 0.0, 0.1]))
+    assert not agree(first, wrong, T_source, T_target, 0.0, OPTIONS)
+    assert agree(first, wrong, T_source, T_target, 0.0, OPTIONS, np.diag([0.0, 0.0, 0.05**2]))

@@ -50,6 +50,21 @@ def test_the_ambiguous_place_is_clear_in_a_window_that_holds_one_pose() -> None:
     np.testing.assert_allclose(closure.T_target_source, T, atol=0.03)
 
 
+@pytest.mark.parametrize("world", [CORRIDOR, PERIODIC], ids=["bare", "periodic"])
+@pytest.mark.parametrize("turn", [-0.13, 0.0, 0.1, 0.37, 0.5])
+def test_a_place_that_fits_all_along_a_line_holds_across_that_line_alone(world: np.ndarray, turn: float) -> None:
+    """The line is the corridor's: one askew by a degree would claim to know centimetres a metre along it."""
+    turned = se2.act(np.array([0.0, 0.0, turn]), world.reshape(-1, 2)).reshape(-1, 2, 2)
+    T = np.array([0.1, 0.1, 0.05])
+    closure = matched(submap_of(turned), points_of(turned, T, 1), np.array([0.2, 0.0, 0.05]), (2.6, 2.6, 0.2),
+                      may_slide=True)
+    assert closure.verdict is Verdict.WAITING
+    assert closure.is_partial
+    axis = np.array([np.cos(turn - T[2]), np.sin(turn - T[2]), 0.0])  # of the corridor, in the robot's frame
+    across = np.array([-axis[1], axis[0], 0.0])
+    assert axis @ closure.information @ axis < 1e-4 * (across @ closure.information @ across)
+
+
 def test_what_the_submap_has_not_seen_makes_little_overlap() -> None:
     submap, half = submap_of(ROOM), ROOM[:4].mean(axis=1)
     seen = points_of(ROOM, np.zeros(3), 1)

@@ -55,7 +55,7 @@ def test_a_place_is_found_after_thirty_metres_of_drift_with_the_robot_facing_the
     query = closer._places.query(source)
     candidates = find_candidates(Lost(), closer._places, query, slam.config.closing)  # type: ignore[arg-type]  # a stand-in
     closer._graph.set_poses(np.asarray(graph.values(SE2).array))
-    matches = [closer._match(query, c) for c in candidates]
+    matches = [closer._matcher.match(query, c) for c in candidates]
     found = [m for m in matches if m.verdict in (Verdict.WAITING, Verdict.DISAGREES)]
     assert found
     for match in found:

@@ -10,7 +10,7 @@ import pytest
 from clew.geometry import se2
 from clew.place import Closure, Verdict
 from clew.slam import Slam
-from slam.drives import errors, mapped, measurements, round_trip, truth_of
+from slam.drives import closure_error, errors, mapped, measurements, round_trip, truth_of
 
 
 def half_way() -> Slam:
@@ -29,7 +29,7 @@ def test_planted_wrong_closure_is_withdrawn_and_the_map_stays_whole(miss: tuple[
     closer = slam._closer
     right = closer.accepted[-1]
     wrong = replace(right, target=right.target + 3, T_target_source=se2.compose(right.T_target_source, np.array(miss)))
-    closer._accept(wrong)
+    closer._beliefs.add(wrong)
     assert len(closer.accepted) >= 6
     for measurement in measurements(log, slam.scan_count, log.scan_count):
         slam.add(measurement)
@@ -72,3 +72,47 @@ def test_every_candidate_is_told_of_once() -> None:
     assert all(c.verdict is not Verdict.WAITING or c.source >= len(slam.keyframes) - 20 for c in told)
     for c in told:
         assert slam.keyframes.timestamps[c.source] > slam.keyframes.timestamps[c.target]
+
+def test_right_closures_overturn_a_wrong_one_that_came_first() -> None:
+    """The graph is sure of what a wrong closure says, and each right one for itself would disagree with it."""
+    slam, log = half_way(), round_trip()
+    closer = slam._closer
+    right = closer.accepted
+    for belief in list(closer._beliefs._held):
+        slam._pose_graph.remove(belief.factor)
+    closer._beliefs._held.clear()
+    first = right[0]
+    wrong = replace(first, T_target_source=se2.compose(first.T_target_source, np.array([1.5, 0.6, 0.2])),
+                    information=np.diag([1e4, 1e4, 1e5]))
+    closer._beliefs.add(wrong)
+    slam._pose_graph.optimise()
+    for measurement in measurements(log, slam.scan_count, log.scan_count):
+        slam.add(measurement)
+    believed = [c.T_target_source for c in slam.closures if (c.source, c.target) == (wrong.source, wrong.target)]
+    assert not any(np.allclose(T, wrong.T_target_source, atol=0.5) for T in believed)  # it was measured anew
+    assert max(np.abs(closure_error(c, slam, log)).max() for c in slam.closures) < 0.1
+    assert len(slam.closures) > 10
+    assert errors(slam.trajectory.T_world_robot, truth_of(log))[0].max() < 0.1
+
+
+def test_several_that_agree_do_not_overturn_more_than_they_are() -> None:
+    """Look-alikes: sound matches that agree with each other, against a graph of many more."""
+    slam = mapped(round_trip())
+    beliefs = slam._closer._beliefs
+    held = beliefs.held
+    shifted = [replace(c, T_target_source=se2.compose(np.array([1.0, 0.4, 0.0]), c.T_target_source))
+               for c in held[2:11:4]]
+    poses = slam.every_keyframe.T_world_robot
+    assert beliefs.overturn(shifted) is None
+    assert [(c.source, c.target) for c in beliefs.held] == [(c.source, c.target) for c in held]
+    np.testing.assert_allclose(slam.every_keyframe.T_world_robot, poses, atol=1e-3)
+
+
+def test_what_could_not_be_closed_in_time_is_closed_at_the_end() -> None:
+    slam = mapped(round_trip())
+    closer, last = slam._closer, slam.closures[-1]
+    belief = closer._beliefs._held.pop()
+    slam._pose_graph.remove(belief.factor)
+    closer._open.append(last.source)
+    slam.optimise()
+    assert last.source in {c.source for c in slam.closures}

@@ -21,7 +21,6 @@ from clew.cli.progress import job_progress
 from clew.errors import InputError
 from clew.io import LogHealth, Records
 from clew.motion import Odometry
-from clew.place import Verdict
 from clew.slam import Slam, SlamConfig, Trajectory
 from clew.view import report_of_run, write_report
 
@@ -126,8 +125,9 @@ def map_log(
             "keyframes": slam.pruned.keyframes,
             "information_loss_nats": round(slam.pruned.information_loss_nats, 3),
         },
-        "closures_accepted": len(slam.closures),
-        "closures_rejected": sum(c.verdict is not Verdict.REDUNDANT for c in slam.rejected_closures),
+        "closures_accepted": slam.closure_count,
+        "closures_rejected": slam.turned_down_count,
+        "closures_redundant": slam.redundant_count,
         "log_seconds": round(log_seconds, 3),
         "wall_seconds": round(wall, 3),
         "estimate_seconds": round(estimated, 3),

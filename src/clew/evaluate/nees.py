@@ -11,7 +11,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import chi2
 
 from clew.errors import InputError
 
@@ -69,6 +68,8 @@ def consistency(squares: Array, dim: int, confidence: float = 0.95) -> Consisten
     Raises:
         InputError: fewer than two.
     """
+    from scipy.stats import chi2  # half a second to import, and reports of a solve need none of it
+
     count = effective_count(squares)
     tail = (1.0 - confidence) / 2.0
     low, high = (float(chi2.ppf(q, dim * count)) / count for q in (tail, 1.0 - tail))

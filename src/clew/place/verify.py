@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from clew.geometry import se2
 from clew.place.closure import Closure, Verdict
-from clew.place.submap import Submap
-from clew.scan import AlignmentOptions, ScanPoints, SourceClouds, align, correlate, merge_surfels
+from clew.place.submap import SEARCH_RESOLUTION, Submap
+from clew.scan import AlignmentOptions, ScanPoints, SourceClouds, align, correlate, merge_surfels, with_new_partners
 
 Array = NDArray[np.float64]
 
@@ -24,7 +24,8 @@ class VerificationOptions:
     Attributes:
         likelihood: least mean likelihood of the query's points at the best pose.
         rival_distance, rival_angle: poses further than this from the best are rivals, metres and radians.
-        rival_ratio: a rival with this share of the best likelihood makes the match ambiguous.
+        rival_ratio: a rival with this share of the best likelihood makes the match ambiguous,
+        rival_search: and one with this share in the search may turn out to have it once it is aligned.
         slide_angle: rivals turned by less, radians, lie along a line with the best,
         slide_share: if the returns measure that direction by no more than this share of the other.
         overlap: least share of the query's points with a partner.
@@ -40,6 +41,7 @@ class VerificationOptions:
     rival_distance: float = 0.8
     rival_angle: float = 0.35
     rival_ratio: float = 0.9
+    rival_search: float = 0.8
     slide_angle: float = 0.05
     slide_share: float = 0.3
     overlap: float = 0.55
@@ -95,23 +97,36 @@ def verify(
     if best is None:
         return closure
     closure = replace(closure, likelihood=best.likelihood)
+    T_rival = None
+    apart = (best.T_target_source, options.rival_distance, options.rival_angle)
     rival = correlate(
         submap.pyramid, thinned.points, centre, half_window,
-        minimum_score=options.rival_ratio * best.likelihood,
-        exclude=(best.T_target_source, options.rival_distance, options.rival_angle),
+        minimum_score=options.rival_search * best.likelihood, exclude=apart,
     )  # fmt: skip
-    start, slide = best.T_target_source, None
     if rival is not None:
-        closure = replace(closure, rival=rival.likelihood / best.likelihood)
-        start, slide = _slide(best.T_target_source, rival.T_target_source, T_predicted)
-        if not may_slide or abs(se2.between(best.T_target_source, rival.T_target_source)[2]) > options.slide_angle:
+        T_rival, ratio = rival.T_target_source, rival.likelihood / best.likelihood
+        if ratio < options.rival_ratio:
+            pair = np.stack([best.T_target_source, T_rival])
+            settled, likelihoods = _settled(submap, query, thinned, pair, options, alignment)
+            T_rival, ratio = settled[1], likelihoods[1] / max(likelihoods[0], best.likelihood)
+            if np.hypot(*se2.between(best.T_target_source, T_rival)[:2]) < options.rival_distance:
+                ratio = 0.0  # it has slid to the best
+        closure = replace(closure, rival=ratio)
+        T_rival = T_rival if ratio >= options.rival_ratio else None
+    start, slide = best.T_target_source, None
+    if T_rival is not None:
+        start, slide = _slide(best.T_target_source, T_rival, T_predicted)
+        if not may_slide or abs(se2.between(best.T_target_source, T_rival)[2]) > options.slide_angle:
             return replace(closure, verdict=Verdict.AMBIGUOUS, T_target_source=best.T_target_source)
+    cloud = SourceClouds.single(merge_surfels(query, options.fine_voxel))
+    alignment = replace(alignment, radius_start=options.radius_start, radius_end=options.radius_end)
+    both = np.zeros((1, 2), dtype=np.int32)
     fine = align(
-        submap.index, SourceClouds.single(merge_surfels(query, options.fine_voxel)), np.zeros((1, 2), dtype=np.int32),
-        start[None], T_prior=T_predicted[None], prior_information=prior_information[None],
-        options=replace(alignment, radius_start=options.radius_start, radius_end=options.radius_end),
+        submap.index, cloud, both, start[None],
+        T_prior=T_predicted[None], prior_information=prior_information[None], options=alignment,
     )  # fmt: skip
-    T, information = fine.T_target_source[0], fine.information[0]
+    T = fine.T_target_source[0]
+    information = with_new_partners(submap.index, cloud, both, T[None], fine.information, alignment)[0]
     if slide is not None:
         slide[:2] = se2.matrix(se2.inverse(T))[:2, :2] @ slide[:2]
         weakest = _weakest(information, slide, options.slide_share)
@@ -154,6 +169,24 @@ def look_back(closure: Closure, submap: Submap, view: Submap, options: Verificat
     share = view.contradicted_share(surfaces[view.observes(surfaces)])
     verdict = Verdict.SEEN_THROUGH if share > options.seen_through else Verdict.WAITING
     return replace(closure, seen_through=share, verdict=verdict)
+
+
+def _settled(
+    submap: Submap, query: ScanPoints, thinned: ScanPoints, poses: Array, options: VerificationOptions,
+    alignment: AlignmentOptions,
+) -> tuple[Array, Array]:
+    """Poses ``(n, 3)`` where alignment settles from those of a search, and their likelihoods ``(n,)``.
+
+    Half a cell of the search beside the peak costs a tenth of the likelihood, more than tells a rival from none.
+    """
+    aligned = align(
+        submap.index, SourceClouds.single(merge_surfels(query, options.fine_voxel)),
+        np.zeros((len(poses), 2), dtype=np.int32), poses,
+        options=replace(alignment, radius_start=options.radius_start, radius_end=options.radius_end),
+    ).T_target_source  # fmt: skip
+    cell = np.array([SEARCH_RESOLUTION, SEARCH_RESOLUTION, 0.0])
+    found = [correlate(submap.pyramid, thinned.points, pose, cell) for pose in aligned]
+    return aligned, np.array([0.0 if match is None else match.likelihood for match in found])
 
 
 def _slide(best: Array, rival: Array, T_predicted: Array) -> tuple[Array, Array]:

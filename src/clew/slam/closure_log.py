@@ -30,6 +30,13 @@ class ClosureLog:
         if self._rows is not None:
             yield from map(self._unpacked, self._rows.rows)
 
+    def count(self, verdict: Verdict) -> int:
+        """How many ended with a verdict."""
+        if self._rows is None:
+            return 0
+        column = sum(len(_flat(getattr(self._like, name))) for name in NAMES[: NAMES.index("verdict")])
+        return int(np.count_nonzero(self._rows.rows[:, column] == VERDICTS.index(verdict)))
+
     def add(self, closures: Iterable[Closure]) -> None:
         """Append closures."""
         for closure in closures:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +17,7 @@ Array = NDArray[np.float64]
 SHORTLIST = 12  # nearest anchors whose uncertainty and appearance are looked at
 LOST_SHORTLIST = 60  # and those that look most alike, while the robot may be far from where it is believed
 CERTAIN = 2.0  # metres; half of the window
+DOUBTED_ANGLE = 0.3  # radians; half of the window where the prediction is doubted
 APART = 3.0  # metres; anchors nearer to each other than this are one place
 
 
@@ -31,6 +32,7 @@ class Candidate:
         covariance: ``(3, 3)`` and its covariance, in the source's tangent.
         centre: ``(3,)`` middle of the search window: what is predicted, or the anchor itself if that says little,
         half_window: ``(3,)`` its half size, metres, metres, radians.
+        is_doubted: whether the prediction is doubted, so that it is searched for beyond its covariance.
     """
 
     anchor: int
@@ -39,6 +41,22 @@ class Candidate:
     covariance: Array
     centre: Array
     half_window: Array
+    is_doubted: bool = False
+
+    @property
+    def prior(self) -> Array:
+        """``(3, 3)`` covariance with which the prediction pulls at the match."""
+        return np.diag(self.half_window**2) if self.is_doubted else self.covariance
+
+    @property
+    def may_slide(self) -> bool:
+        """Whether a match that tells nothing along one direction is of use."""
+        return self.is_near and not self.is_doubted
+
+    def doubted(self, reach: float) -> Candidate:
+        """The same place, searched for as if nothing were known but that it is near."""
+        half = np.maximum(self.half_window, [reach, reach, DOUBTED_ANGLE])
+        return replace(self, half_window=half, is_doubted=True)
 
     @property
     def is_certain(self) -> bool:

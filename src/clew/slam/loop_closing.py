@@ -3,34 +3,29 @@
 from __future__ import annotations
 
 from collections import deque
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from clew.geometry import se2
-from clew.place import Closure, Verdict, VerificationOptions, agree, look_back, verify
-from clew.scan import without_normal_noise
+from clew.place import Closure, Verdict, agree
 from clew.slam.closure_log import ClosureLog
 from clew.slam.config import SlamConfig
 from clew.slam.keyframes import KeyframeStore
-from clew.slam.loop_candidates import Candidate, find_candidates
-from clew.slam.loop_uncertainty import deformation, way_covariance
-from clew.slam.places import Places, Query
-from clew.slam.pose_graph import LEAST_INFORMATION, PoseGraph
+from clew.slam.loop_beliefs import Beliefs
+from clew.slam.loop_candidates import find_candidates
+from clew.slam.loop_matching import LoopMatcher
+from clew.slam.loop_uncertainty import way_covariance
+from clew.slam.places import Places
+from clew.slam.pose_graph import PoseGraph
 from clew.slam.sensor import SensorModel
 
 Array = NDArray[np.float64]
 
 MISSES = 4  # keyframes in a row that still cannot be closed, after which no more are tried
-FLOOR = np.diag([0.05, 0.05, 0.02]) ** 2  # covariance that any prediction has at least
-NOISY = 2.0  # the residual of a match may be so many deviations of a return
-
-
-@dataclass
-class _Accepted:
-    closure: Closure
-    factor: int
+ROUNDS = 3  # at most in which all are tried again at the end
+DOUBT = 4  # attempts in a row at known places that end in nothing, after which the prediction is doubted for once
 
 
 class LoopCloser:
@@ -47,11 +42,12 @@ class LoopCloser:
         self._keyframes = keyframes
         self._graph = graph
         self._config = config
-        self._sensor = sensor
         self._places = Places(keyframes, config)
-        self._accepted: list[_Accepted] = []
-        self._past = ClosureLog()  # believed, and taken into the graph for good: a keyframe of theirs was pruned
+        self._matcher = LoopMatcher(keyframes, self._places, config, sensor)
+        self._beliefs = Beliefs(graph, config.closing.residual)
         self._waiting: list[Closure] = []
+        self._dissent: list[Closure] = []  # sound, but they disagree with the graph
+        self._in_vain = 0  # attempts in a row at known places
         self._rejected = ClosureLog()
         self._open: deque[int] = deque(maxlen=config.closing.open_sources)
         self._last_attempt = -np.inf
@@ -60,32 +56,37 @@ class LoopCloser:
     @property
     def accepted(self) -> list[Closure]:
         """Closures that are believed."""
-        return [*self._past, *(a.closure for a in self._accepted)]
+        return self._beliefs.everyone
 
     @property
     def accepted_count(self) -> int:
         """How many closures are believed."""
-        return len(self._past) + len(self._accepted)
+        return len(self._beliefs)
 
     @property
     def rejected(self) -> list[Closure]:
         """Candidates that were turned down, with the reason; those that still wait are among them."""
-        return [*self._rejected, *self._waiting]
+        return [*self._rejected, *self._waiting, *self._dissent]
+
+    @property
+    def redundant_count(self) -> int:
+        """How many candidates say the same as one that is believed."""
+        return self._rejected.count(Verdict.REDUNDANT)
+
+    @property
+    def turned_down_count(self) -> int:
+        """How many candidates are neither believed nor redundant; those that still wait are among them."""
+        return len(self._rejected) + len(self._waiting) + len(self._dissent) - self.redundant_count
 
     @property
     def needed(self) -> set[int]:
         """Keyframes of closures that still wait, and those that are to be tried again."""
-        return {k for w in self._waiting for k in (w.source, w.target)}.union(self._open)
+        return {k for w in [*self._waiting, *self._dissent] for k in (w.source, w.target)}.union(self._open)
 
     def forget(self, keyframes: list[int]) -> None:
         """Keyframes have been pruned: what their closures said is in the graph for good."""
-        gone = set(keyframes)
         self._places.forget(keyframes)
-        ended = [a for a in self._accepted if a.closure.source in gone or a.closure.target in gone]
-        if ended:
-            self._past.add(a.closure for a in ended)
-            over = {id(a) for a in ended}
-            self._accepted = [a for a in self._accepted if id(a) not in over]
+        self._beliefs.forget(set(keyframes))
 
     def attempt(self, known: bool = False) -> bool:
         """Look for closures of the newest keyframe; whether keyframes have moved.
@@ -107,91 +108,97 @@ class LoopCloser:
         self._expire()
         if not proposals:
             return False
-        accepted = len(self._accepted)
+        if self._overturn(proposals):
+            return True
+        accepted = self.accepted_count
         moved = self._decide(proposals)
-        if len(self._accepted) == accepted:
+        if self.accepted_count == accepted or self._beliefs.held[-1].is_partial:
             self._open.append(source)
-        elif len(self._accepted) > accepted + 1:  # with its supporters
-            closed = {a.closure.source for a in self._accepted[accepted:]}
-            self._open = deque((k for k in self._open if k not in closed), self._open.maxlen)
-            self._catch_up()
+        if self.accepted_count > accepted + 1:  # with its supporters
+            self._reopen({c.source for c in self._beliefs.held[accepted - self.accepted_count :]}, set())
         return moved
 
+    def _reopen(self, closed: set[int], opened: set[int]) -> None:
+        """Much has become clear: keyframes that are closed now, others that no longer are, and all those still open."""
+        self._open = deque(sorted(opened.union(self._open) - closed), self._open.maxlen)
+        self._catch_up()
+
     def _propose(self, source: int) -> list[Closure]:
-        """Match a keyframe against the places where it may be."""
+        """Match a keyframe against the places where it may be.
+
+        Where several in a row did not find what the graph says must be there, the graph may be wrong: then it is looked
+        for farther away.
+        """
         query = self._places.query(source)
         candidates = find_candidates(self._graph, self._places, query, self._config.closing)
-        return [self._match(query, candidate) for candidate in candidates]
-
-    def _match(self, query: Query, candidate: Candidate) -> Closure:
-        """The evidence for one candidate."""
-        verification = self._verification()
-        submap = self._places.submap(candidate.anchor)
-        worth = self._sensor.return_information(self._config.closing.information_scale)
-        prior = np.linalg.inv(candidate.covariance + FLOOR) / worth
-        closure = verify(
-            submap, query.surfels, query.source, candidate.T_predicted, candidate.centre, candidate.half_window, prior,
-            candidate.similarity, verification, self._sensor.alignment, may_slide=candidate.is_near,
-        )  # fmt: skip
-        if closure.verdict is not Verdict.WAITING:
-            return closure
-        closure = look_back(closure, submap, self._places.submap_of(query.source, query.members), verification)
-        closure = replace(closure, information=self._information(closure), is_certain=candidate.is_certain)
-        return self._gate(closure, candidate)
-
-    def _information(self, closure: Closure) -> Array:
-        """What a match is worth to the graph: that of its returns, and of the ways along which they were seen."""
-        worth = self._sensor.return_information(self._config.closing.information_scale)
-        of_returns = without_normal_noise(closure.information, self._sensor.normal_variance)
-        information = worth * of_returns + LEAST_INFORMATION
-        bent = deformation(self._keyframes, closure, self._config.closing)
-        return np.asarray(np.linalg.inv(np.linalg.inv(information) + bent), dtype=np.float64)
+        proposals = [self._matcher.match(query, candidate) for candidate in candidates]
+        in_vain = any(c.is_certain for c in candidates) and all(p.verdict is not Verdict.WAITING for p in proposals)
+        self._in_vain = self._in_vain + 1 if in_vain else 0
+        if in_vain and self._in_vain % DOUBT == 0:
+            reach = self._config.closing.reach
+            return [self._matcher.match(query, c.doubted(reach)) for c in candidates if c.is_near]
+        return proposals
 
     def finish(self) -> None:
-        """Try all keyframes once more that could not be closed, until no more can, now that the whole way is known."""
-        before = -1
-        while self.accepted_count > before:
-            before = self.accepted_count
+        """Try all keyframes once more that could not be closed, or only in part, now that the whole way is known."""
+        for _ in range(ROUNDS):
+            before = self._known()
             self.settle()
-            self._catch_up(len(self._open))
+            self._catch_up(thorough=True)
+            if self._known() == before:
+                break
 
-    def _catch_up(self, patience: int = MISSES) -> None:
+    def _known(self) -> tuple[int, int]:
+        """How many closures are believed, and how many of those that can be taken out are whole."""
+        return len(self._beliefs), sum(not c.is_partial for c in self._beliefs.held)
+
+    def _catch_up(self, *, thorough: bool = False) -> None:
         """Try keyframes again that could not be closed, the latest first, now that the robot knows where it is.
 
         Each that is closed makes the ones before it certain in turn.
 
         Args:
-            patience: after so many in a row that still cannot be closed, no more are tried.
+            thorough: all of them, those too that were closed in part; otherwise until several in a row cannot be.
         """
         left: list[int] = []
         missed = 0
-        while self._open and missed < patience:
+        while self._open and (thorough or missed < MISSES):
             source = self._open.pop()
-            accepted = len(self._accepted)
-            query = self._places.query(source)
-            candidates = find_candidates(self._graph, self._places, query, self._config.closing)
-            if any(c.is_near for c in candidates):  # otherwise the robot could still be in another place
-                proposals = [self._match(query, candidate) for candidate in candidates]
-                if any(p.is_certain or p.is_partial for p in proposals):
-                    self._waiting = [w for w in self._waiting if w.source != source]
-                    self._rejected.forget(source)
-                    self._decide(proposals)
-                    self.settle()
-            if len(self._accepted) > accepted:
+            held = [c for c in self._beliefs.held if c.source == source]
+            if not all(c.is_partial for c in held):
+                continue
+            if held and not thorough:
+                left.append(source)
+                continue
+            before = self._known()
+            self._try_again(source, held)
+            if self._known() != before:
                 missed = 0
             else:
                 missed += 1
                 left.append(source)
         self._open.extend(reversed(left))
 
-    # --- decisions --------------------------------------------------------------------------------------------------
+    def _try_again(self, source: int, held: list[Closure]) -> None:
+        """Match a keyframe again that is not closed, or by partial closures alone."""
+        query = self._places.query(source)
+        candidates = find_candidates(self._graph, self._places, query, self._config.closing)
+        if not any(c.is_near for c in candidates):  # the robot could still be in another place
+            return
+        proposals = [self._matcher.match(query, candidate) for candidate in candidates]
+        if held:
+            ends = {c.target for c in held}
+            proposals = [p for p in proposals if not p.is_partial or p.target not in ends]
+            if not any(p.is_certain and not p.is_partial and p.verdict is Verdict.WAITING for p in proposals):
+                return
+        if any(p.is_certain or p.is_partial for p in proposals):
+            self._waiting = [w for w in self._waiting if w.source != source]
+            self._dissent = [w for w in self._dissent if w.source != source]
+            self._rejected.forget(source)
+            self._decide(proposals)
+            self.settle()
 
-    def _gate(self, closure: Closure, candidate: Candidate) -> Closure:
-        """Agreement with the graph: the innovation against its covariance."""
-        error = se2.between(candidate.T_predicted, closure.T_target_source)
-        distance = float(error @ np.linalg.solve(candidate.covariance + FLOOR, error))
-        disagrees = closure.verdict is Verdict.WAITING and distance > self._config.closing.gate
-        return replace(closure, distance=distance, verdict=Verdict.DISAGREES if disagrees else closure.verdict)
+    # --- decisions --------------------------------------------------------------------------------------------------
 
     def _decide(self, proposals: list[Closure]) -> bool:
         """Confirm what has support, keep waiting what may still get it; whether keyframes have moved."""
@@ -200,7 +207,7 @@ class LoopCloser:
         if not candidates:
             return False
         best = max(candidates, key=lambda c: (not c.is_partial, c.likelihood * c.overlap))
-        if any(not self._agree(best, rival) for rival in self._rivals(best, proposals)):
+        if any(not self._agree(best, rival, _unknown(best, rival)) for rival in self._rivals(best, proposals)):
             self._rejected.add(replace(c, verdict=Verdict.AMBIGUOUS) for c in candidates)
             return False
         supporters = [] if self._is_tracked(best) else self._supporters(best)
@@ -208,7 +215,7 @@ class LoopCloser:
             self._waiting += candidates
             return False
         for closure in [best, *supporters]:
-            self._accept(replace(closure, supporters=len(supporters)))
+            self._rejected.add(self._beliefs.add(replace(closure, supporters=len(supporters))))
         self._rejected.add(replace(c, verdict=Verdict.REDUNDANT) for c in candidates if c is not best)
         taken = {id(closure) for closure in supporters}
         self._waiting = [w for w in self._waiting if id(w) not in taken]
@@ -228,24 +235,54 @@ class LoopCloser:
             p.verdict is Verdict.AMBIGUOUS and not best.is_certain and p.likelihood >= ratio * best.likelihood)]
 
     def _supporters(self, best: Closure) -> list[Closure] | None:
-        """Waiting closures that agree with one, one for each stretch of path; None if they are too few.
+        """Waiting closures that agree with one, of different stretches of path; None if they are too few.
 
         One of a robot whose place is certain may count on those that are believed, as well as on those that wait.
         """
+        believed = self._beliefs.held if best.is_certain else []
+        chosen = self._apart(best, [*self._waiting, *believed])
+        return None if chosen is None else [c for c in chosen if c.verdict is Verdict.WAITING]
+
+    def _apart(self, best: Closure, others: list[Closure]) -> list[Closure] | None:
+        """Those of others that agree with one, of different stretches of path; None if they are too few."""
         options = self._config.closing
         paths = self._keyframes.paths
-        believed = [a.closure for a in self._accepted] if best.is_certain else []
-        others = [c for c in [*self._waiting, *believed] if c.source != best.source and not c.is_partial
-                  and abs(paths[c.source] - paths[best.source]) <= options.support_path]
-        agreeing = [c for c in others if self._agree(best, c, self._freedom(best, c))]
+        near = [c for c in others if c.source != best.source and not c.is_partial
+                and abs(paths[c.source] - paths[best.source]) <= options.support_path]
+        agreeing = [c for c in near if self._agree(best, c, self._freedom(best, c))]
         chosen = [best]
         for closure in sorted(agreeing, key=lambda w: w.likelihood * w.overlap, reverse=True):
             path = paths[closure.source]
             if all(abs(path - paths[c.source]) >= options.support_apart for c in chosen):
                 chosen.append(closure)
-        if len(chosen) <= options.supporters:
-            return None
-        return [c for c in chosen[1:] if c.verdict is Verdict.WAITING]
+        return chosen[1:] if len(chosen) > options.supporters else None
+
+    def _overturn(self, proposals: list[Closure]) -> bool:
+        """Believe several that agree with each other though not with the graph, if more of it would not have to go.
+
+        A wrong closure makes the graph sure of what is wrong: all right ones that follow disagree with it.
+        """
+        best = max((p for p in proposals if p.verdict is Verdict.DISAGREES and not p.is_partial),
+                   key=lambda c: c.likelihood * c.overlap, default=None)
+        if best is None or any(not self._agree(best, rival, _unknown(best, rival))
+                               for rival in self._rivals(best, proposals)):
+            return False
+        supporters = self._apart(best, self._dissent)
+        self._dissent.append(best)
+        proposals.remove(best)
+        if supporters is None:
+            return False
+        group = [*supporters, best]
+        withdrawn = self._beliefs.overturn([replace(c, supporters=len(supporters)) for c in group])
+        taken = {id(c) for c in group}
+        self._dissent = [c for c in self._dissent if id(c) not in taken]
+        if withdrawn is None:
+            self._rejected.add(group)
+            return False
+        self._rejected.add(withdrawn)
+        self._pending = 0
+        self._reopen({c.source for c in group}, {c.source for c in withdrawn})
+        return True
 
     def _freedom(self, a: Closure, b: Closure) -> Array:
         """Covariance ``(3, 3)`` of the way between two closures, in the axes of the second's source.
@@ -264,12 +301,12 @@ class LoopCloser:
         if self._pending:
             self._pending = 0
             self._graph.optimise()
-            self._withdraw()
+            self._rejected.add(self._beliefs.withdraw())
 
     def _is_tracked(self, closure: Closure) -> bool:
         distance, angle = self._config.closing.tracked
         known = closure.is_certain or closure.is_partial  # the latter tells nothing of what is not known
-        return known and bool(self._accepted) and closure.innovation[0] < distance and closure.innovation[1] < angle
+        return known and bool(self._beliefs.held) and closure.innovation[0] < distance and closure.innovation[1] < angle
 
     def _agree(self, a: Closure, b: Closure, freedom: Array | None = None) -> bool:
         paths = self._keyframes.paths
@@ -284,33 +321,12 @@ class LoopCloser:
         paths = self._keyframes.paths
         path = paths[-1] - self._config.closing.support_path
         self._rejected.add(replace(w, verdict=Verdict.ALONE) for w in self._waiting if paths[w.source] < path)
+        self._rejected.add(c for c in self._dissent if paths[c.source] < path)
         self._waiting = [w for w in self._waiting if paths[w.source] >= path]
+        self._dissent = [c for c in self._dissent if paths[c.source] >= path]
 
-    def _accept(self, closure: Closure) -> None:
-        closure = replace(closure, verdict=Verdict.CONFIRMED)
-        self._accepted.append(_Accepted(closure, self._graph.add_closure(closure, closure.information)))
 
-    def _verification(self) -> VerificationOptions:
-        """The limits, the one on residuals no tighter than the noise of returns allows."""
-        options = self._config.verification
-        return replace(options, rms=max(options.rms, NOISY * self._sensor.return_deviation))
-
-    def _withdraw(self) -> None:
-        """Take out closures that the optimised graph contradicts."""
-        if not self._accepted:
-            return
-        poses = self._graph.poses
-        closures = [a.closure for a in self._accepted]
-        measured = np.stack([c.T_target_source for c in closures])
-        information = np.stack([c.information for c in closures])
-        between = se2.between(poses[[c.target for c in closures]], poses[[c.source for c in closures]])
-        error = se2.between(measured, between)
-        residual = np.einsum("mi,mij,mj->m", error, information, error)
-        contradicted = residual > self._config.closing.residual
-        if not contradicted.any():
-            return
-        for accepted in (self._accepted[i] for i in np.flatnonzero(contradicted)):
-            self._graph.remove(accepted.factor)
-            self._rejected.add([replace(accepted.closure, verdict=Verdict.WITHDRAWN)])
-        self._accepted = [self._accepted[i] for i in np.flatnonzero(~contradicted)]
-        self._graph.optimise()
+def _unknown(a: Closure, b: Closure) -> Array | None:
+    """Covariance ``(3, 3)`` of what partial closures of one keyframe do not tell, so that they agree in the rest."""
+    partial = [np.linalg.inv(c.information) for c in (a, b) if c.is_partial]
+    return np.sum(partial, axis=0) if partial else None

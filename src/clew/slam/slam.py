@@ -282,8 +282,18 @@ class Slam:
 
     @property
     def rejected_closures(self) -> list[Closure]:
-        """Candidates that were turned down, each with the reason."""
+        """Candidates that are not believed, each with the reason: those turned down, and those that are redundant."""
         return self._closer.rejected
+
+    @property
+    def turned_down_count(self) -> int:
+        """How many candidates were turned down; quicker than asking for them. Redundant ones were not."""
+        return self._closer.turned_down_count
+
+    @property
+    def redundant_count(self) -> int:
+        """How many candidates say the same as a closure of their keyframe that is believed."""
+        return self._closer.redundant_count
 
     @property
     def sensor(self) -> dict[str, object]:

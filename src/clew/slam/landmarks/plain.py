@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -41,14 +42,16 @@ def plain_graph(tracks: Sequence[RobotTrack], models: Sequence[SensorModel], sol
         keys = track.keys[track.rows(seen)]
         weights = _weights(solution, track.sighting_factors(seen, seen.identity, model.landmarks))
         local = se2.act(se2.inverse(_values(solution, SE2, keys)), _values(solution, Point2, seen.identity))
-        points, information = _points(track, model, seen, model.landmarks, weights, local)
+        bias = _values(solution, Point2, track.view_keys(seen))
+        points, information = _points(track, model, seen, model.landmarks, weights, local, bias)
         graph.add(PointObservation(keys, seen.identity, points, information=information))
         if len(mates):
             target = keys_of(tracks, mates.identity, mates.timestamp)
             weights = _weights(solution, track.sighting_factors(mates, target, model.robots, SE2))
             keys = track.keys[track.rows(mates)]
             local = se2.between(_values(solution, SE2, keys), _values(solution, SE2, target))[:, :2]
-            points, information = _points(track, model, mates, model.robots, weights, local)
+            bias = _values(solution, Point2, track.view_keys(mates))
+            points, information = _points(track, model, mates, model.robots, weights, local, bias)
             padded = np.zeros((len(mates), 3, 3))
             padded[:, :2, :2] = information
             flat = np.column_stack([points, np.zeros(len(points))])
@@ -78,22 +81,24 @@ def _weights(solution: Solution, pair: tuple[Factor, Factor]) -> Array:
 
 
 def _points(
-    track: RobotTrack, model: SensorModel, seen: Sightings, noise: SightingNoise, weights: Array, local: Array
+    track: RobotTrack, model: SensorModel, seen: Sightings, noise: SightingNoise,
+    weights: Array, local: Array, bias: Array,
 ) -> tuple[Array, Array]:
     """Positions ``(K, 2)`` in the robot's frame, and their information.
 
-    The errors of range and bearing are laid off along and across the ray on which the solution has the thing that was
-    seen, ``local (K, 2)``: so each costs what it costs in the solution. On the measured ray a bearing that is far off
-    would turn into an error of the range, which no weight has reckoned with.
+    The errors of range and bearing, less the ``bias (K, 2)`` of their view, are laid off along and across the ray on
+    which the solution has it, ``local (K, 2)``: so each costs what it costs in the solution. On the measured ray a
+    bearing that is far off would turn into an error of the range, which no weight has reckoned with.
     """
-    distance, bearing = track.corrected(seen, model.calibration)
+    unbiased = replace(seen, range=seen.range - bias[:, 0], bearing=seen.bearing - bias[:, 1])
+    distance, bearing = track.corrected(unbiased, model.calibration)
     view = local - [model.calibration.forward, model.calibration.left]
     far = np.hypot(*view.T)
     ray = view / far[:, None]
     across = np.stack([-ray[:, 1], ray[:, 0]], axis=1)
     turned = wrap(bearing - np.arctan2(view[:, 1], view[:, 0]))
-    along_weight = weights[:, 0] * (seen.range / distance) ** 2 / (noise.range**2 * noise.range_repeats)
-    across_weight = weights[:, 1] / ((noise.bearing * far) ** 2 * noise.bearing_repeats)
+    along_weight = weights[:, 0] * (seen.range / distance) ** 2 / noise.range**2
+    across_weight = weights[:, 1] / (noise.bearing * far) ** 2
     information = (
         along_weight[:, None, None] * ray[:, :, None] * ray[:, None, :]
         + across_weight[:, None, None] * across[:, :, None] * across[:, None, :]

@@ -77,7 +77,7 @@ class FrameMaker:
         return LiveFrame(
             stage, poses, self._clouds, np.zeros(3) if scan is None else np.asarray(scan.T_robot_sensor),
             slam.pose.array.copy(), np.zeros((0, 2), np.int16) if scan is None else _thinned(_returns(scan)),
-            closures, slam.scan_count, self.total, len(slam.rejected_closures), end - begin)  # fmt: skip
+            closures, slam.scan_count, self.total, slam.turned_down_count, end - begin)  # fmt: skip
 
 
 def _returns(scan: LaserScan) -> Array:

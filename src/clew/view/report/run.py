@@ -97,11 +97,12 @@ def _lead(slam: Slam, grid: OccupancyGrid, graph: GraphView, truth: Trajectory |
     height, width = (side * grid.resolution for side in grid.shape)
     lines = [f"The robot drove {metres(way)} in {duration(lasted)}; {counted(len(trajectory), 'scan')} became "
              f"{counted(len(slam.keyframes), 'keyframe')} and a map of {width:.0f} m by {height:.0f} m."]
-    believed = len(slam.closures)
-    others = sum(c.verdict is not Verdict.REDUNDANT for c in slam.rejected_closures)
+    believed, others, same = slam.closure_count, slam.turned_down_count, slam.redundant_count
+    besides = f", {counted(same, 'candidate')} {'says' if same == 1 else 'say'} the same" if same else ""
     if believed:
-        lines.append(f"It recognised places it had been to: {counted(believed, 'loop closure')} "
-                     f"{'is' if believed == 1 else 'are'} believed, {counted(others, 'candidate')} turned down.")
+        lines.append("It recognised places it had been to: "
+                     f"{counted(believed, 'loop closure')} {'is' if believed == 1 else 'are'} believed{besides}, "
+                     f"{counted(others, 'candidate')} turned down.")
     elif others:
         lines.append(f"No loop closure is believed; {counted(others, 'candidate')} turned down.")
     else:

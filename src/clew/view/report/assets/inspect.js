@@ -171,7 +171,7 @@ class Inspector {
     const closures = [...scene.closures.keys()].filter((k) => scene.closures[k].source === row || scene.closures[k].target === row);
     if (closures.length) {
       out.push(make('h3', {}, 'Closures here'), facts(closures.slice(0, 6).map((k) => [
-        this.link({ kind: 'closure', row: k, last: -1 }), scene.closures[k].verdict === BELIEVED ? 'believed' : 'turned down'])));
+        this.link({ kind: 'closure', row: k, last: -1 }), { closures: 'believed', redundant: 'not needed', 'turned-down': 'turned down' }[closureLayer(scene.closures[k])]])));
     }
     const edges = this.edgesAt(row).sort((a, b) => scene.edges.squared[b] - scene.edges.squared[a]);
     if (edges.length) {
@@ -225,7 +225,8 @@ class Inspector {
     const now = between(poseOf(target), poseOf(source));
     const apart = closure.measured && between(now, closure.measured);
     const matched = closure.overlap > 0; // otherwise the search found no pose worth aligning
-    const group = [...scene.closures.keys()].filter((k) => (scene.closures[k].verdict === BELIEVED) === believed);
+    const layer = closureLayer(closure), group = [...scene.closures.keys()].filter((k) => closureLayer(scene.closures[k]) === layer);
+    const fate = { closures: 'believed', redundant: 'not needed', 'turned-down': 'turned down' }[layer];
     const place = group.indexOf(row);
     const kinds = [['before', closure.predicted, 'Before: where the graph expected it'],
       ['after', believed ? now : matched && closure.measured, believed ? 'After: in the map' : 'As matched, had it been believed']];
@@ -245,7 +246,8 @@ class Inspector {
     const step = (by) => this.select({ kind: 'closure', row: group[(place + by + group.length) % group.length], last: -1 }, true);
     return [
       make('h2', {}, nameOf(scene, { kind: 'closure', row })),
-      make('p', { class: `verdict ${believed ? 'good' : 'bad'}` }, believed ? 'Believed' : `Turned down: ${closure.reason}`),
+      make('p', { class: `verdict ${believed ? 'good' : 'bad'}` }, 
+        believed ? 'Believed' : `${layer === 'redundant' ? 'Not needed' : 'Turned down'}: ${closure.reason}`),
       views,
       make('p', { class: 'sub' }, swatch(colours.other), `scan at ${when(scene, scene.time[source])}  `, swatch(colours.scan),
         `the older one, at ${when(scene, scene.time[target])}`),
@@ -266,7 +268,7 @@ class Inspector {
         ...(believed && apart ? [['match and map differ by', `${metres(Math.hypot(apart[0], apart[1]))}, ${degrees(apart[2])}`]] : []),
         ['from', end(source)], ['to', end(target)],
       ]),
-      make('p', { class: 'sub' }, `${place + 1} of ${group.length} ${believed ? 'believed' : 'turned down'}`),
+      make('p', { class: 'sub' }, `${place + 1} of ${group.length} ${fate}`),
       this.nav(make('button', { type: 'button', onclick: () => step(-1) }, 'Previous'),
         make('button', { type: 'button', onclick: () => step(1) }, 'Next')),
     ];

@@ -108,8 +108,8 @@ function bringIntoView(next) {
 function stepClosure(by) {
   if (!scene.closures.length) return;
   const present = selection?.kind === 'closure' ? selection.row : null;
-  const believed = present === null || scene.closures[present].verdict === BELIEVED;
-  let group = [...scene.closures.keys()].filter((k) => (scene.closures[k].verdict === BELIEVED) === believed);
+  const layer = present === null ? 'closures' : closureLayer(scene.closures[present]);
+  let group = [...scene.closures.keys()].filter((k) => closureLayer(scene.closures[k]) === layer);
   if (!group.length) group = [...scene.closures.keys()];
   const at = present === null ? (by > 0 ? -1 : 0) : group.indexOf(present);
   select({ kind: 'closure', row: group[(at + by + group.length) % group.length], last: -1 }, true);

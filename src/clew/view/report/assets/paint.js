@@ -4,6 +4,9 @@ const CHI2_95 = { 2: 5.991464547107979, 3: 7.814727903251179 };
 const ROLES = ['odometry', 'observation', 'loop', 'prior', 'marginal'];
 const BELIEVED = 'confirmed';
 
+/** Layer of a closure: those that are redundant were not turned down. */
+const closureLayer = ({ verdict }) => (verdict === BELIEVED ? 'closures' : verdict === 'redundant' ? 'redundant' : 'turned-down');
+
 /** Half axes and direction of the 95 % region of a vertex as seen on the screen, metres; `c` is xx, xy, x3, yy, y3, 33. */
 function ellipseOf(c, camera) {
   let [a, b, d] = [c[0], c[1], c[3]];
@@ -100,14 +103,14 @@ class Layers {
     if (!scene.closures.length) return;
     const ends = Int32Array.from(scene.closures.flatMap((closure) => [closure.target, closure.source]));
     const born = Float32Array.from(scene.closures, (closure) => scene.time[closure.source]);
-    const rows = (wanted) => [...scene.closures.keys()].filter((k) => (scene.closures[k].verdict === BELIEVED) === wanted);
     this.middles = new Float32Array(ends.length);
-    for (const [id, label, on, wanted] of [['turned-down', 'closures turned down', false, false],
-      ['closures', 'loop closures', true, true]]) {
-      const mine = rows(wanted);
+    for (const [id, label] of [['turned-down', 'closures turned down'], ['redundant', 'closures that say the same'],
+      ['closures', 'loop closures']]) {
+      const wanted = id === 'closures';
+      const mine = [...scene.closures.keys()].filter((k) => closureLayer(scene.closures[k]) === id);
       if (!mine.length) continue;
       const lines = new Segments(ends, mine, born), colour = () => (wanted ? colours.loop : colours.rejected);
-      this.add(id, label, on, mine.length, wanted ? 'line' : 'dash', colour, (context, camera, until) => {
+      this.add(id, label, wanted, mine.length, wanted ? 'line' : 'dash', colour, (context, camera, until) => {
         context.strokeStyle = colour();
         context.fillStyle = colour();
         context.lineWidth = wanted ? 1.5 : 1;

@@ -21,7 +21,7 @@ function pick(scene, layers, camera, sx, sy, until, reach = 11) {
   if (scene.closures.length) {
     const [mx, my] = layers.middlesOf();
     scene.closures.forEach((closure, k) => {
-      const shown = layers.shows(closure.verdict === BELIEVED ? 'closures' : 'turned-down');
+      const shown = layers.shows(closureLayer(closure));
       if (!shown || scene.time[closure.source] > until) return;
       offer('closure', k, Math.hypot(camera.toScreenX(mx[k]) - sx, camera.toScreenY(my[k]) - sy) - 1);
       const a = closure.target, b = closure.source;
