@@ -4,6 +4,7 @@
     python benchmarks/backend.py --scaling       Manhattan worlds from 1,000 to 1,000,000 poses
     python benchmarks/backend.py --memory        peak memory of a solve against graph and factor
     python benchmarks/backend.py --threads 2     time by the clock with one and with two threads
+    python benchmarks/backend.py --noise         minima of graphs whose rotations were turned by noise
 
 Prints Markdown. A program that is not installed is left out with a line that says so.
 """
@@ -29,6 +30,7 @@ sys.path.insert(0, str(Path(__file__).parent))
 
 from backend_ceres import build_ceres, run_ceres_program
 from backend_memory import memory
+from backend_noise import noise
 from backend_peers import PEERS, Refused, Run, marginals_clew, marginals_gtsam, repeat, run_clew, run_custom
 from backend_threads import threads
 from backend_worlds import scaling
@@ -50,6 +52,7 @@ def main() -> None:
     parser.add_argument("--scaling", action="store_true", help="Manhattan worlds instead of the table")
     parser.add_argument("--memory", action="store_true", help="peak memory instead of the table")
     parser.add_argument("--sizes", type=int, nargs="*", default=[1_000, 10_000, 100_000, 1_000_000])
+    parser.add_argument("--noise", action="store_true", help="minima of noisy graphs instead of the table")
     parser.add_argument("--threads", type=int, default=1, help="one against that many threads instead of the table")
     options = parser.parse_args()
     graphs = {name: GRAPHS[name] for name in options.graphs}
@@ -60,6 +63,9 @@ def main() -> None:
         os.sched_setaffinity(0, {min(os.sched_getaffinity(0))})
     if options.scaling:
         scaling(options.sizes)
+        return
+    if options.noise:
+        noise(options.data, seeds=2)
         return
     if options.memory:
         memory(options.data, graphs, options.sizes)

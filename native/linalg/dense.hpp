@@ -11,6 +11,9 @@
 
 namespace clew::linalg {
 
+// Products over no more than this sum in one go, so that they come out the same to the last bit in whatever pieces.
+constexpr int32_t kDepthBlock = 192;
+
 // How the product meets what is in C.
 enum class Product { kSetNegative, kSubtract };
 

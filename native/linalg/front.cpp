@@ -66,7 +66,7 @@ int32_t Numeric::factor_front(int32_t s, const double* values, const double* dam
     const Front& front = symbolic_.fronts[s];
     const int32_t n = front.pivots;
     double* d = own.square.data();
-    if (team != nullptr && front.flops < kWorthSharing) team = nullptr;
+    if (front.flops < kWorthSharing || n > kDepthBlock) team = nullptr;
     const auto scratch_of = [&](size_t worker) {
         return (team == nullptr ? own : *scratch_[worker]).multiply.data();
     };
