@@ -27,7 +27,10 @@ def test_people_are_left_out_of_refinement_and_the_building_stays() -> None:
     scans = np.searchsorted(log.timestamps, slam.keyframes.timestamps)
     moving, returned = log.moving[scans], np.isfinite(log.ranges[scans])
     whole = np.array([len(points) for points in slam.keyframe_points])
-    still = np.array([len(points) for points in slam._still_returns()])
+    numbers = slam.keyframe_numbers
+    clouds = slam._keyframes.clouds(numbers)
+    left = slam._scans.still_returns(numbers, clouds, slam.keyframes.T_world_robot, slam.config.cleaning)
+    still = np.array([len(points) for points in left])
     assert moving.sum() > 0.05 * returned.sum()
     left_out = whole - still
     assert np.all(left_out >= 0)

@@ -64,7 +64,8 @@ def with_variance(information: Array, variance: float) -> Array:
     """
     gain = BOTH_SCANS / variance
     values, vectors, unit = _directions(information)
-    follows = np.clip(values / np.maximum(CONDITIONED * values[:, 2:], TINY), 0.0, 1.0)
+    # Squared, so that what is a tenth as well known, and rests on odometry, is hardly touched.
+    follows = np.square(np.clip(values / np.maximum(CONDITIONED * values[:, 2:], TINY), 0.0, 1.0))
     gains = 1.0 + (gain - 1.0) * follows
     root = (vectors * np.sqrt(gains * values)[:, None, :]) / unit[:, :, None]
     return np.asarray(root @ np.swapaxes(root, 1, 2))

@@ -19,7 +19,7 @@ from clew.factors import Between
 from clew.geometry import SE2, se2
 from clew.graph import FactorGraph, Role
 from clew.noise import Cauchy
-from clew.scan import IndexedClouds, ScanPoints, align, index_cloud, join, with_new_partners, without_normal_noise
+from clew.scan import IndexedClouds, ScanPoints, align, index_cloud, join, without_normal_noise
 from clew.slam.config import SlamConfig
 from clew.slam.pair_noise import pair_variance, returns_once, with_variance
 from clew.slam.pose_graph import LEAST_INFORMATION
@@ -203,16 +203,13 @@ def _align_part(
     start, end = RADII[min(round_, len(RADII) - 1)]
     rows, local = np.unique(pairs, return_inverse=True)
     batch = join([clouds[row] for row in rows])
-    rows_of_batch = np.asarray(local.reshape(-1, 2), dtype=np.int32)
-    options = replace(sensor.alignment, radius_start=start, radius_end=end)
     fine = align(
-        batch, batch.as_sources(), rows_of_batch, se2.between(poses[pairs[:, 0]], poses[pairs[:, 1]]),
-        prior_information=np.broadcast_to(WEAK_PRIOR, (len(pairs), 3, 3)), options=options, threads=config.threads,
+        batch, batch.as_sources(), np.asarray(local.reshape(-1, 2), dtype=np.int32),
+        se2.between(poses[pairs[:, 0]], poses[pairs[:, 1]]),
+        prior_information=np.broadcast_to(WEAK_PRIOR, (len(pairs), 3, 3)),
+        options=replace(sensor.alignment, radius_start=start, radius_end=end), threads=config.threads,
     )  # fmt: skip
-    held = with_new_partners(
-        batch, batch.as_sources(), rows_of_batch, fine.T_target_source, fine.information, options, config.threads
-    )
     # The pose of the returns alone, not the one that the prior holds back: it would confirm where the pair is now.
     size = np.hypot(np.hypot(fine.step[:, 0], fine.step[:, 1]), LEVER * fine.step[:, 2])
     step = fine.step * np.minimum(1.0, end / np.maximum(size, 1e-12))[:, None]
-    return se2.compose(fine.T_target_source, se2.exp(step)), fine.overlap, held
+    return se2.compose(fine.T_target_source, se2.exp(step)), fine.overlap, fine.information

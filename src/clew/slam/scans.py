@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from clew.graph.growing import Growing
-from clew.scan import LaserScan
+from clew.mapping import moving_returns
+from clew.scan import CleaningOptions, LaserScan, ScanPoints, extract_points
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
@@ -80,9 +82,24 @@ class ScanStore:
         """``(N, 3)`` by odometry alone, or ``(0, 3)`` without it."""
         return self._T_odom_robot.rows
 
-    def of_keyframe(self, keyframe: int) -> LaserScan:
-        """The scan that became a keyframe."""
-        return self._kept[keyframe][0][1]
+    def still_returns(
+        self, keyframes: Index, clouds: Sequence[ScanPoints], T_world_robot: Array, cleaning: CleaningOptions
+    ) -> list[ScanPoints]:
+        """Returns of keyframes without those from things that moved, by what the keyframes saw of their places.
+
+        Args:
+            keyframes: ``(K,)`` numbers of keyframes that are kept.
+            clouds: their returns,
+            T_world_robot: ``(K, 3)`` and poses.
+            cleaning: how returns are made of scans.
+        """
+        scans = [self._kept[int(k)][0][1] for k in keyframes]  # the first of each became the keyframe
+        still = list(clouds)
+        for row, moved in enumerate(moving_returns(scans, T_world_robot)):
+            if moved.any():
+                ranges = np.where(moved, np.nan, scans[row].ranges).astype(np.float64)
+                still[row] = extract_points(replace(scans[row], ranges=ranges), cleaning)
+        return still
 
     def kept(self) -> tuple[Index, list[LaserScan]]:
         """Numbers ``(S,)`` and scans that the map is made of, in the order of time."""
