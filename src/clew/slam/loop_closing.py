@@ -237,9 +237,10 @@ class LoopCloser:
     def _supporters(self, best: Closure) -> list[Closure] | None:
         """Waiting closures that agree with one, of different stretches of path; None if they are too few.
 
-        One of a robot whose place is certain may count on those that are believed, as well as on those that wait.
+        One of a robot whose place is certain, and that fits nowhere else nearly as well, may count on those that are
+        believed, as well as on those that wait.
         """
-        believed = self._beliefs.held if best.is_certain else []
+        believed = self._beliefs.held if best.is_certain and best.rival == 0.0 else []
         chosen = self._apart(best, [*self._waiting, *believed])
         return None if chosen is None else [c for c in chosen if c.verdict is Verdict.WAITING]
 
