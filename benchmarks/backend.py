@@ -3,6 +3,8 @@
     python benchmarks/backend.py                 the table of Gauss-Newton iterations, and marginals
     python benchmarks/backend.py --scaling       Manhattan worlds from 1,000 to 1,000,000 poses
     python benchmarks/backend.py --memory        peak memory of a solve against graph and factor
+    python benchmarks/backend.py --threads 2     time by the clock with one and with two threads
+    python benchmarks/backend.py --noise         minima of graphs whose rotations were turned by noise
 
 Prints Markdown. A program that is not installed is left out with a line that says so.
 """
@@ -10,6 +12,7 @@ Prints Markdown. A program that is not installed is left out with a line that sa
 from __future__ import annotations
 
 import argparse
+import importlib
 import importlib.util
 import math
 import multiprocessing
@@ -27,7 +30,9 @@ sys.path.insert(0, str(Path(__file__).parent))
 
 from backend_ceres import build_ceres, run_ceres_program
 from backend_memory import memory
+from backend_noise import noise
 from backend_peers import PEERS, Refused, Run, marginals_clew, marginals_gtsam, repeat, run_clew, run_custom
+from backend_threads import threads
 from backend_worlds import scaling
 
 Result = TypeVar("Result")
@@ -47,14 +52,23 @@ def main() -> None:
     parser.add_argument("--scaling", action="store_true", help="Manhattan worlds instead of the table")
     parser.add_argument("--memory", action="store_true", help="peak memory instead of the table")
     parser.add_argument("--sizes", type=int, nargs="*", default=[1_000, 10_000, 100_000, 1_000_000])
+    parser.add_argument("--noise", action="store_true", help="minima of noisy graphs instead of the table")
+    parser.add_argument("--threads", type=int, default=1, help="one against that many threads instead of the table")
     options = parser.parse_args()
+    graphs = {name: GRAPHS[name] for name in options.graphs}
+    if options.threads > 1:
+        threads(options.data, graphs, options.sizes, options.threads, options.repeats)
+        return
     if hasattr(os, "sched_setaffinity"):  # one thread for everybody, whatever their defaults
         os.sched_setaffinity(0, {min(os.sched_getaffinity(0))})
     if options.scaling:
         scaling(options.sizes)
         return
+    if options.noise:
+        noise(options.data, seeds=2)
+        return
     if options.memory:
-        memory(options.data, {name: GRAPHS[name] for name in options.graphs}, options.sizes)
+        memory(options.data, graphs, options.sizes)
         return
     with tempfile.TemporaryDirectory() as folder:
         iterations(options, Path(folder))
@@ -119,6 +133,8 @@ def installed(folder: Path) -> dict[str, Callable[[Path, bool, int], Run]]:
     for name, run in PEERS.items():
         if importlib.util.find_spec(name) is None:
             print(f"{name}: skipped, missing: pip install '.[bench]'")
+        elif reason := import_failure(name):
+            print(f"{name}: skipped, incompatible: {reason}")
         else:
             found[name] = run
     program, reason = build_ceres(folder)
@@ -127,6 +143,21 @@ def installed(folder: Path) -> dict[str, Callable[[Path, bool, int], Run]]:
     else:
         found["ceres"] = partial(run_ceres_program, str(program))
     return found
+
+
+def import_failure(name: str) -> str:
+    """Why a peer that is installed cannot be used, or nothing."""
+    try:
+        alone(_load, name)
+    except BrokenProcessPool:
+        return "it crashes"
+    except Exception as error:  # a module can raise anything
+        return (str(error) or type(error).__name__).splitlines()[0]
+    return ""
+
+
+def _load(name: str) -> None:
+    importlib.import_module(name)  # a module cannot be handed back from a process
 
 
 def start_files(source: Path, folder: Path) -> dict[str, Path]:

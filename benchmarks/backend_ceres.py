@@ -6,6 +6,7 @@ pyceres brings no cost of relative poses, and one written in Python would measur
 from __future__ import annotations
 
 import os
+import shlex
 import shutil
 import subprocess
 from pathlib import Path
@@ -22,16 +23,16 @@ def build_ceres(folder: Path) -> tuple[Path | None, str]:
     Args:
         folder: where the program is put.
     """
-    compiler = os.environ.get("CXX") or next(filter(shutil.which, ("c++", "g++", "clang++")), None)
-    if compiler is None:
-        return None, "missing: a C++ compiler"
+    compiler = shlex.split(os.environ.get("CXX", "")) or ["c++"]
+    if shutil.which(compiler[0]) is None:
+        return None, f"missing: a C++ compiler ({compiler[0]} is not there)"
     includes = [f"-I{path}" for path in _EIGEN if Path(path).is_dir()]
-    probe = [compiler, "-x", "c++", "-std=c++17", "-E", *includes, "-include", "ceres/version.h", os.devnull]
+    probe = [*compiler, "-x", "c++", "-std=c++17", "-E", *includes, "-include", "ceres/version.h", os.devnull]
     if subprocess.run(probe, capture_output=True, check=False).returncode:
         return None, "missing: apt-get install libceres-dev"
     program = folder / "ceres_pose_graph"
     flags = ["-O3", "-DNDEBUG", "-std=c++17", *includes]
-    command = [compiler, *flags, str(SOURCE), "-o", str(program), "-lceres", "-lglog"]
+    command = [*compiler, *flags, str(SOURCE), "-o", str(program), "-lceres", "-lglog"]
     result = subprocess.run(command, capture_output=True, text=True, check=False)
     if result.returncode:
         errors = [line for line in result.stderr.splitlines() if "error" in line or "undefined" in line]

@@ -6,9 +6,9 @@
 
 The normalised error of a pose is the squared Mahalanobis distance to the truth over its three degrees of freedom: one
 in the mean where the covariance is right, less where it is cautious, more where it is too sure. "Inside" is the share
-within the 95 % ellipsoid. "Band" is the 95 % interval that the mean of as many independent right errors falls into;
-errors of one run hang together, so that of final poses it is taken for as many errors as there are runs, which is the
-other extreme. "±" is the standard error of the mean over runs.
+within the 95 % ellipsoid. "Band" is the 95 % interval that the mean falls into with right covariances, for as many
+independent errors as these scatter like (`clew.evaluate.effective_count`; errors along a trajectory are alike for a
+while). "±" is the standard error of the mean over runs.
 
 matches    poses of scans seen from their keyframe, as the front end tracks them
 steps      between successive keyframes, as the front end hands them to the graph
@@ -28,6 +28,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 from scipy.stats import chi2
 
+from clew.evaluate import effective_count
 from clew.geometry import se2
 from clew.sim import (
     LaserModel,
@@ -185,14 +186,14 @@ def measure(world: World, laser: LaserModel, rate: float, seed: int, duration: f
     return out
 
 
-def cells(runs: list[Errors], independent: bool) -> list[str]:
+def cells(runs: list[Errors]) -> list[str]:
     """Mean and its standard error over runs, its band, share inside, root mean square error and what was stated."""
-    runs = [run for run in runs if len(run.squared)]
+    runs = [run for run in runs if len(run.squared) > 1]
     if not runs:
         return ["-"] * 4
     means = np.array([run.mean for run in runs])
     deviation = means.std(ddof=1) / np.sqrt(len(means)) if len(means) > 1 else float("nan")
-    freedom = 3 * (sum(len(run.squared) for run in runs) if independent else len(runs))
+    freedom = 3 * sum(effective_count(run.squared) for run in runs)
     low, high = chi2.ppf([0.025, 0.975], freedom) / freedom
     names = ("squared", "distance", "stated")
     total = Errors(*(np.concatenate([getattr(run, name) for run in runs]) for name in names))
@@ -219,8 +220,7 @@ def main() -> None:
                     print(world, laser, seed, {k: f"{e.mean:.2f} {100 * e.inside:.0f}" for k, e in found[-1].items()},
                           flush=True)
             for name in found[0]:
-                independent = name in ("matches", "steps")
-                rows.append([f"{world}, {laser}", name, *cells([run[name] for run in found], independent)])
+                rows.append([f"{world}, {laser}", name, *cells([run[name] for run in found])])
     print_table(["world, laser", "poses", "normalised error", "band", "inside: %", "true / stated: cm"], rows)
 
 

@@ -40,7 +40,8 @@ struct Plane {
 
     static ceres::Manifold* manifold() { return nullptr; }
 
-    static void between(const double* a, const double* b, const double* z, Residual& e, Jacobian& by_a, Jacobian& by_b) {
+    static void between(const double* a, const double* b, const double* z, Residual& e, Jacobian& by_a,
+                        Jacobian& by_b) {
         const Eigen::Matrix2d turn = Eigen::Rotation2Dd(-a[2] - z[2]).toRotationMatrix();
         const Eigen::Vector2d seen = turn * Eigen::Vector2d(b[0] - a[0], b[1] - a[1]);
         e.head<2>() = seen - Eigen::Rotation2Dd(-z[2]) * Eigen::Vector2d(z[0], z[1]);
@@ -106,7 +107,8 @@ struct Space {
 
     static ceres::Manifold* manifold() { return new PoseManifold; }
 
-    static void between(const double* a, const double* b, const double* z, Residual& e, Jacobian& by_a, Jacobian& by_b) {
+    static void between(const double* a, const double* b, const double* z, Residual& e, Jacobian& by_a,
+                        Jacobian& by_b) {
         using Vector = Eigen::Map<const Vector3d>;
         const Eigen::Map<const Quaterniond> q_a(a + 3), q_b(b + 3), q_z(z + 3);
         const Matrix3d unturn = q_z.toRotationMatrix().transpose(), from_a = q_a.toRotationMatrix().transpose();

@@ -11,6 +11,9 @@
 
 namespace clew::linalg {
 
+// Products over no more than this sum in one go, so that they come out the same to the last bit in whatever pieces.
+constexpr int32_t kDepthBlock = 192;
+
 // How the product meets what is in C.
 enum class Product { kSetNegative, kSubtract };
 
@@ -53,12 +56,12 @@ struct DenseKernels {
     void (*backward)(int32_t n, const double* d, int32_t rows, const double* b, int64_t ldb, double* x,
                      const double* t);
 
-    // Extend-add of a child's update matrix u (see update_matrix.hpp): what falls into some columns of the parent's panel,
-    // or of its update matrix.
+    // Extend-add of a child's update matrix u (see update_matrix.hpp): what falls into some columns of the parent's
+    // panel, or of its update matrix.
     void (*add_to_panel)(const double* u, int64_t ldu, const Run* runs, const Run* remaining, const Run* end,
                          Columns columns, double* d, int64_t ldd, double* b, int64_t ldb);
-    void (*add_to_update)(const double* u, int64_t ldu, const Run* remaining, const Run* end, Columns columns, double* to,
-                          int64_t ldt);
+    void (*add_to_update)(const double* u, int64_t ldu, const Run* remaining, const Run* end, Columns columns,
+                          double* to, int64_t ldt);
 };
 
 }  // namespace clew::linalg

@@ -40,6 +40,11 @@ void copy_block(const BlockCopy& copy, const double* values, const Front& front,
     else copy_sized(copy.kind, from, to, stride, copy.rows, copy.cols);
 }
 
+// The runs of a child's rows in its parent; those from `remaining` on lie in the update rows.
+struct Runs {
+    const Run *begin, *remaining, *end;
+};
+
 constexpr double kWorthSharing = 4e6;  // flops of a front below which to wake helpers costs more than it saves
 constexpr int32_t kRows = 240;         // of a piece in triangular solves
 
@@ -55,13 +60,13 @@ void share(Team* team, int32_t count, int32_t width, Work work) {
 
 }  // namespace
 
-// Returns the scalar column (in elimination order) of a bad pivot, or -1. Each number of a front is computed by the same
-// operations in the same order however many share the work, so results do not depend on threads.
+// Returns the scalar column (in elimination order) of a bad pivot, or -1. Each number of a front is computed by the
+// same operations in the same order however many share the work, so results do not depend on threads.
 int32_t Numeric::factor_front(int32_t s, const double* values, const double* damping, Scratch& own, Team* team) {
     const Front& front = symbolic_.fronts[s];
     const int32_t n = front.pivots;
     double* d = own.square.data();
-    if (team != nullptr && front.flops < kWorthSharing) team = nullptr;
+    if (front.flops < kWorthSharing || n > kDepthBlock) team = nullptr;
     const auto scratch_of = [&](size_t worker) {
         return (team == nullptr ? own : *scratch_[worker]).multiply.data();
     };
@@ -95,14 +100,14 @@ int32_t Numeric::factor_front(int32_t s, const double* values, const double* dam
                                update + panel_start(top / kPanelColumns, front.ld_b), front.ld_b - top,
                                Product::kSetNegative, true}, scratch_of(worker));
         }
-        for_each_child(s, [&](const Front& child, const double* from, const Run*, const Run* remaining, const Run* last) {
-            kernels_.add_to_update(from, child.ld_b, remaining, last, {begin, end}, update, front.ld_b);
+        for_each_child(s, [&](const Front& child, const double* from, const Runs& runs) {
+            kernels_.add_to_update(from, child.ld_b, runs.remaining, runs.end, {begin, end}, update, front.ld_b);
         });
     });
     return -1;
 }
 
-// What the matrix, the damping and the children say about the columns of the pivots, D in scratch storage and B in place.
+// What the matrix, the damping and the children say about the columns of the pivots: D in scratch storage, B in place.
 void Numeric::assemble_front(int32_t s, const double* values, const double* damping, Scratch& own, Team* team) {
     const Front &front = symbolic_.fronts[s], &next = symbolic_.fronts[s + 1];
     const int32_t n = front.pivots;
@@ -126,21 +131,22 @@ void Numeric::assemble_front(int32_t s, const double* values, const double* damp
     }
     for (int32_t p = 0; p < n; ++p) own.diagonal[p] = d[p + int64_t{p} * front.ld_d];
     share(team, n, kPanelColumns, [&](int32_t begin, int32_t end, size_t) {
-        for_each_child(s, [&](const Front& child, const double* from, const Run* runs, const Run* remaining, const Run* last) {
-            kernels_.add_to_panel(from, child.ld_b, runs, remaining, last, {begin, end}, d, front.ld_d, b, front.ld_b);
+        for_each_child(s, [&](const Front& child, const double* from, const Runs& runs) {
+            kernels_.add_to_panel(from, child.ld_b, runs.begin, runs.remaining, runs.end, {begin, end}, d, front.ld_d,
+                                  b, front.ld_b);
         });
     });
 }
 
-// add(child, its update matrix, its runs, the first that remains, their end) for all children of a front.
+// add(child, its update matrix, how its rows lie in the front) for all children of a front.
 template <class Add>
 void Numeric::for_each_child(int32_t s, Add add) const {
     const Run* runs = symbolic_.runs.data();
     for (int64_t q = symbolic_.fronts[s].children; q < symbolic_.fronts[s + 1].children; ++q) {
         const int32_t c = symbolic_.children[q];
         const Front& child = symbolic_.fronts[c];
-        add(child, storage_.data() + schedule_.update[c], runs + child.runs, runs + child.remaining_runs,
-            runs + symbolic_.fronts[c + 1].runs);
+        add(child, storage_.data() + schedule_.update[c],
+            Runs{runs + child.runs, runs + child.remaining_runs, runs + symbolic_.fronts[c + 1].runs});
     }
 }
 

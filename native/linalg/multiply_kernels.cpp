@@ -7,12 +7,12 @@ namespace clew::CLEW_ISA {
 
 namespace {
 
+using linalg::kDepthBlock;
 using linalg::Multiply;
 using linalg::Product;
 
 // Packing copies operands into the order in which tiles read them; blocks are sized for L1 (a panel of B) and L2
 // (a block of A).
-constexpr int kDepthBlock = 192;
 constexpr int kPackedRows = kTileRows * kWidth;
 constexpr int kRowBlock = 240 / kPackedRows * kPackedRows;
 constexpr int kColBlock = 96;

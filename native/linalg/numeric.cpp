@@ -16,7 +16,8 @@ bool all_finite(const double* x, int64_t n) {
 Numeric::Numeric(const Symbolic& symbolic, int threads, bool keep_updates)
     : symbolic_(symbolic), threads_(threads), keep_updates_(keep_updates),
       schedule_(make_schedule(symbolic, threads, keep_updates ? Updates::kKept : Updates::kTransient)),
-      kernels_(CLEW_DISPATCH(dense_kernels)()), storage_(schedule_.storage_size), scratch_(make_states<Scratch>(schedule_)), weakest_of_(symbolic.count()) {}
+      kernels_(CLEW_DISPATCH(dense_kernels)()), storage_(schedule_.storage_size),
+      scratch_(make_states<Scratch>(schedule_)), weakest_of_(symbolic.count()) {}
 
 Numeric::~Numeric() = default;
 

@@ -4,6 +4,7 @@
 #include <limits>
 #include <map>
 #include <numeric>
+#include <set>
 
 #include "linalg/update_matrix.hpp"
 
@@ -13,15 +14,26 @@ namespace {
 
 constexpr double kWorthThreads = 2e7;  // flops below which starting threads costs more than it saves
 constexpr double kShared = 0.6;        // share of a thread by which each more of them speeds a front of the top up
-constexpr int64_t kSmall = 4096;       // doubles of an update matrix that cache holds beside a front
+constexpr size_t kLargestTop = 64;     // fronts that are opened in search of a cut, a thread
+constexpr int64_t kSmall = 1024;       // doubles of an update matrix that cache holds beside a front
 
 int64_t update_size(const Front& front) { return (update_matrix_size(front.updates, front.ld_b) + 7) / 8 * 8; }
 
-// Time until the last of some threads is done, who take the largest task that is left whenever they are free.
-double makespan(const std::vector<double>& largest_first, int threads) {
+// Roots of subtrees, largest first.
+struct Larger {
+    const std::vector<double>& work;
+    bool operator()(int32_t a, int32_t b) const { return work[a] != work[b] ? work[a] > work[b] : a < b; }
+};
+using Roots = std::set<int32_t, Larger>;
+
+// Time until the last thread is done when each takes the largest subtree that is left; small ones even things out.
+double makespan(const Roots& roots, double total, int threads) {
     std::vector<double> busy(threads, 0);
-    for (double work : largest_first) *std::min_element(busy.begin(), busy.end()) += work;
-    return *std::max_element(busy.begin(), busy.end());
+    size_t left = 8 * busy.size();
+    for (auto root = roots.begin(); root != roots.end() && left > 0; ++root, --left) {
+        *std::min_element(busy.begin(), busy.end()) += roots.key_comp().work[*root];
+    }
+    return std::max(*std::max_element(busy.begin(), busy.end()), total / threads);
 }
 
 // Cuts the tree into subtrees; what lies above is the top, whose fronts come one after the other and are shared. The
@@ -34,44 +46,47 @@ void split(const Symbolic& symbolic, int threads, Schedule& schedule) {
     }
     std::vector<double> work(count, 0);
     std::vector<int32_t> begin(count);
-    std::vector<int32_t> open;  // roots of subtrees, largest first
-    const auto larger = [&](int32_t a, int32_t b) { return work[a] != work[b] ? work[a] > work[b] : a < b; };
+    Roots open(Larger{work});
     for (int32_t s = 0; s < count; ++s) begin[s] = s;
     for (int32_t s = 0; s < count; ++s) {
-        const Front& front = symbolic.fronts[s];
-        work[s] += front.flops;
-        if (front.parent == -1) {
-            open.push_back(s);
+        const int32_t parent = symbolic.fronts[s].parent;
+        work[s] += symbolic.fronts[s].flops;
+        if (parent == -1) {
+            open.insert(s);
             continue;
         }
-        work[front.parent] += work[s];
-        begin[front.parent] = std::min(begin[front.parent], begin[s]);
+        work[parent] += work[s];
+        begin[parent] = std::min(begin[parent], begin[s]);
     }
-    std::sort(open.begin(), open.end(), larger);
-    double top_time = 0, best_time = std::numeric_limits<double>::infinity();
-    std::vector<int32_t> top, best_top, best_open;
+    double below = symbolic.flops, top_time = 0, best_time = std::numeric_limits<double>::infinity();
+    size_t best = 0;
+    std::vector<bool> above(count, false);
     while (!open.empty()) {
-        std::vector<double> sizes;
-        for (int32_t s : open) sizes.push_back(work[s]);
-        const double time = makespan(sizes, threads) + top_time;
+        const double time = makespan(open, below, threads) + top_time;
         if (time < best_time) {
             best_time = time;
-            best_top = top;
-            best_open = open;
+            best = schedule.top.size();
         }
-        const int32_t s = open.front();
-        if (top_time > best_time || work[s] < symbolic.flops / (32.0 * threads)) break;
+        const int32_t s = *open.begin();
+        if (top_time > best_time || schedule.top.size() >= kLargestTop * static_cast<size_t>(threads)) break;
         open.erase(open.begin());
-        top.push_back(s);
+        schedule.top.push_back(s);
+        below -= symbolic.fronts[s].flops;
         top_time += symbolic.fronts[s].flops / (1 + kShared * (threads - 1));
         for (int64_t q = symbolic.fronts[s].children; q < symbolic.fronts[s + 1].children; ++q) {
-            const int32_t child = symbolic.children[q];
-            open.insert(std::lower_bound(open.begin(), open.end(), child, larger), child);
+            open.insert(symbolic.children[q]);
         }
     }
-    schedule.top = best_top;
+    schedule.top.resize(best);
+    for (int32_t s : schedule.top) above[s] = true;
+    std::vector<int32_t> roots;
+    for (int32_t s = 0; s < count; ++s) {
+        const int32_t parent = symbolic.fronts[s].parent;
+        if (!above[s] && (parent == -1 || above[parent])) roots.push_back(s);
+    }
+    std::sort(roots.begin(), roots.end(), Larger{work});
+    for (int32_t s : roots) schedule.tasks.push_back({begin[s], s + 1});
     std::sort(schedule.top.begin(), schedule.top.end());
-    for (int32_t s : best_open) schedule.tasks.push_back({begin[s], s + 1});
 }
 
 // Storage of which pieces are taken and given back: the lowest gap that is large enough. All lifetimes are known
@@ -133,8 +148,8 @@ private:
 };
 
 // Places for the update matrices of some fronts; those of their children that are marked in `own` are given back. With
-// `in_factor`, large ones are put into panels of fronts that come after the parent. Small ones share few places that stay
-// in cache.
+// `in_factor`, large ones are put into panels of fronts that come after the parent. Small ones share few places that
+// stay in cache.
 template <class Fronts>
 void place_updates(const Symbolic& symbolic, const Fronts& fronts, const std::vector<bool>& own, bool in_factor,
                    Schedule& schedule) {

@@ -19,8 +19,8 @@ struct Schedule {
 
 // Where update matrices live.
 enum class Updates {
-    kTransient,  // behind the factor or, with one thread, in panels that are not filled yet; the place of one is used again
-                 // once its parent has been assembled
+    kTransient,  // behind the factor or, with one thread, in panels that are not filled yet; the place of one is used
+                 // again once its parent has been assembled
     kKept,       // behind the factor; all stay
     kApart,      // in a storage of their own, places used again
 };

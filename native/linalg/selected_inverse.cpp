@@ -149,7 +149,8 @@ void Numeric::inverse_blocks(const std::vector<InverseBlock>& wanted, double* ou
     for (const InverseBlock& block : wanted) {
         for (int32_t s = sym.front_of[block.col]; s != -1 && !needed[s]; s = sym.fronts[s].parent) needed[s] = true;
     }
-    const Schedule schedule = make_schedule(sym, threads_, Updates::kApart);  // panels are full, kept updates must survive
+    // Panels are full and kept updates must survive, so the inverse has places of its own.
+    const Schedule schedule = make_schedule(sym, threads_, Updates::kApart);
     Buffer storage(schedule.storage_size);
 
     const auto visit = [&](int32_t s, InverseFront& inverse) {

@@ -10,8 +10,8 @@
 
 namespace clew::linalg {
 
-// The caller works along and never waits for a helper to wake up, only for pieces that one has begun: on a busy machine the
-// caller does most of them itself. Idle helpers sleep.
+// The caller works along and never waits for a helper to wake up, only for pieces that one has begun: on a busy machine
+// it does most of them itself. Idle helpers sleep.
 class Team {
 public:
     // With one worker there are no threads. Where the system gives fewer threads the team is smaller.
@@ -20,8 +20,8 @@ public:
     Team(const Team&) = delete;
     Team& operator=(const Team&) = delete;
 
-    // work(piece, worker) for all pieces below `pieces`, each once, in ascending order of their beginnings. The caller is
-    // worker 0. `work` must not throw.
+    // work(piece, worker) for all pieces below `pieces`, each once, begun in ascending order. The caller is worker 0.
+    // `work` must not throw.
     void run(size_t pieces, const std::function<void(size_t, size_t)>& work);
 
     size_t workers() const { return helpers_.size() + 1; }

@@ -7,8 +7,8 @@ namespace clew::solve {
 
 namespace {
 
-// Eigenvector of the largest eigenvalue of a symmetric matrix, by Jacobi's cyclic rotations (Golub and Van Loan, "Matrix
-// Computations", 2013, section 8.5), which lose nothing where eigenvalues lie close together.
+// Eigenvector of the largest eigenvalue of a symmetric matrix, by Jacobi's cyclic rotations (Golub and Van Loan,
+// "Matrix Computations", 2013, section 8.5), which lose nothing where eigenvalues lie close together.
 void leading_eigenvector(double a[4][4], double* out) {
     double v[4][4] = {{1, 0, 0, 0}, {0, 1, 0, 0}, {0, 0, 1, 0}, {0, 0, 0, 1}};
     constexpr int kSweeps = 12;  // four or five do

@@ -69,3 +69,52 @@ def test_bad_input(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pyte
     done = in_process(monkeypatch, capsys, "run", tmp_path / "square.g2o", "-o", tmp_path / "out", "--robot", 2)
     assert done.code == 2
     assert "no MRCLAM folder" in done.err
+
+
+@pytest.mark.parametrize(
+    ("feature", "said"),
+    [
+        ("2 1", "line 4: DATA_FEATURE_POINTXY: a finite number expected, found the end of the line"),
+        ("2 1 abc 1 0 1", "line 4: DATA_FEATURE_POINTXY: a finite number expected, found 'abc'"),
+        ("2 nan 2 1 0 1", "line 4: DATA_FEATURE_POINTXY: a finite number expected, found 'nan'"),
+        ("2 1 2 inf 0 1", "line 4: DATA_FEATURE_POINTXY: a finite number expected, found 'inf'"),
+        ("2 1 2 0 0 0", "pose 1 has an information matrix that is not positive definite"),
+        ("2 1 2 1 5 1", "pose 1 has an information matrix that is not positive definite"),
+        ("2 1 2 -1 0 -1", "pose 1 has an information matrix that is not positive definite"),
+        ("2 1e200 2 1 0 1", "pose 1 is more than 1e+07 m away"),
+    ],
+)
+def test_broken_features(
+    feature: str, said: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path, poses = tmp_path / "log.g2o", "VERTEX_SE2 0 0 0 0\nVERTEX_SE2 1 1 0 0\n"
+    path.write_text(f"{poses}EDGE_SE2 0 1 1 0 0 100 0 0 100 0 100\nDATA_FEATURE_POINTXY 0 {feature}\n")
+    assert_refused(path, said, monkeypatch, capsys)
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("DATA_FEATURE_POINTXY 0 2 1 2 1 0 1\nVERTEX_SE2 0 0 0 0\n", "a vertex before it"),
+        ("VERTEX_SE2 0 0 0 0\nDATA_FEATURE_POINTXY 0 2 1 2 1 0 1\n", "there is no drive in that"),
+        ("VERTEX_SE2 0 0 0 0\nVERTEX_XY 5 1 1\nDATA_FEATURE_POINTXY 0 2 1 2 1 0 1\n", "no VERTEX_SE2"),
+        ("VERTEX_SE2 0 0 0 0\nVERTEX_SE2 1 1 0 0\nEDGE_SE2 0 1 1 0 0 0 0 0 0 0 0\nDATA_FEATURE_POINTXY 0 2 1 2 1 0 1\n",
+         "relative pose to pose 1 has an information matrix"),
+    ],
+)  # fmt: skip
+def test_broken_drives(
+    text: str, said: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "log.g2o"
+    path.write_text(text)
+    assert_refused(path, said, monkeypatch, capsys)
+
+
+def assert_refused(
+    path: Path, said: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    done = in_process(monkeypatch, capsys, "run", path, "-o", path.parent / "out")
+    assert (done.code, done.out, done.err.count("\n")) == (2, "", 1)
+    assert path.name in done.err
+    assert said in done.err
+    assert not (path.parent / "out").exists()

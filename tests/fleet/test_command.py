@@ -69,7 +69,9 @@ def test_output_folders_are_merged(folders: list[Path], tmp_path: Path) -> None:
     report = json.loads(run(*folders, "-o", out, "--json"))
     assert report["robots"] == ["out0", "out1"]
     assert report["shared_landmarks"] >= 10
-    assert sorted(file.name for file in out.iterdir()) == ["graph.g2o", "landmarks.csv", "report.html", "robots.json"]
+    assert sorted(file.name for file in out.iterdir()) == [
+        "graph.g2o", "landmarks.csv", "landmarks.png", "report.html", "robots.json"
+    ]  # fmt: skip
     graph = read_graph(out / "graph.g2o").graph
     names, positions = read_landmarks(out / "landmarks.csv")
     assert len(names) == len(graph.keys(Point2)) == len(positions)
@@ -90,6 +92,7 @@ def test_a_merge_can_be_merged_again(folders: list[Path], tmp_path: Path) -> Non
 @pytest.mark.skipif(not DATA.exists(), reason="needs ../shared/data/multirobot/example_4robots")
 def test_files_with_edges_between_robots_are_merged(tmp_path: Path) -> None:
     assert "8 of 8 relative poses agree" in run(*(DATA / f"{k}.g2o" for k in range(4)), "-o", tmp_path)
+    assert (tmp_path / "graph.png").stat().st_size > 10_000
     with pytest.raises(InputError, match="edges lead to poses of robot 'b', whose graph is not among the inputs"):
         run(DATA / "0.g2o", DATA / "3.g2o", "-o", tmp_path)
 

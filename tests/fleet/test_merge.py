@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import replace
 from pathlib import Path
 
@@ -9,7 +10,7 @@ import numpy as np
 import pytest
 
 from clew.errors import InputError
-from clew.factors import Between, Prior
+from clew.factors import Between, PointObservation, Prior
 from clew.fleet import (
     Encounters,
     InterRobotEdges,
@@ -20,6 +21,7 @@ from clew.fleet import (
     merge,
     read_robots,
     robot_graph,
+    write_merged,
 )
 from clew.fleet.common import Link, common_landmarks
 from clew.fleet.keys import separate_keys
@@ -256,3 +258,24 @@ def test_four_real_robots_end_where_one_graph_of_all_their_edges_does(tmp_path: 
     graph = read_graph(together).graph
     assert merged.graph.factor_count == graph.factor_count == 144
     assert merged.solution.chi2 == pytest.approx(optimize(graph).chi2, rel=1e-6)
+
+
+def landmarks_first(name: str, T_world_own: SE2) -> RobotGraph:
+    """A robot whose landmarks have smaller keys than its poses, as in the graphs of `clew run`."""
+    tags = np.array([[0.0, 3.0], [4.0, 3.0], [2.0, -1.0], [5.0, 0.5]])
+    graph = FactorGraph()
+    points = graph.add_point(T_world_own.inverse().act(tags), key=np.arange(6, 10))
+    poses = graph.add_pose(SE2.from_array(np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0]])), key=[1000, 1001])
+    graph.add(Between(poses[:1], poses[1:], SE2(1.0, 0.0, 0.0), sigmas=0.01))
+    graph.add(PointObservation(np.full(4, poses[0]), points, T_world_own.inverse().act(tags), sigmas=0.05))
+    return robot_graph(name, graph, identities={int(key): f"tag {key}" for key in points})
+
+
+def test_poses_and_letters_are_the_robots_own_where_landmarks_have_smaller_keys(tmp_path: Path) -> None:
+    merged = merge([landmarks_first("ann", SE2.identity()), landmarks_first("bob", SE2(2.0, 1.0, 0.5))])
+    np.testing.assert_allclose(merged.poses(1).array[0], [2.0, 1.0, 0.5], atol=1e-6)
+    assert len(merged.poses(0)) == len(merged.poses(1)) == 2
+    write_merged(merged, tmp_path)
+    letters = [robot["letter"] for robot in json.loads((tmp_path / "robots.json").read_text())]
+    keys = read_graph(tmp_path / "graph.g2o").graph.keys(SE2)
+    assert sorted({chr(int(key) >> 56) for key in keys}) == letters == ["a", "b"]

@@ -55,6 +55,7 @@ def test_what_is_used_and_what_is_skipped(tmp_path: Path) -> None:
         ({"Robot1_Measurement__dat": "0.5 99 1 0\n"}, 1, "none of 1 sightings"),
         ({"Robot1_Measurement__dat": "0.5 14 1 0\n"}, 1, "no sighting of a landmark"),
         ({"Robot1_Measurement__dat": "0.5 14 1\n"}, 1, "line 1: 4 finite numbers"),
+        ({"Robot1_Measurement__dat": "0.5 72 1 0.1\n0.6 72 1 24.0\n"}, 1, "line 2: a bearing of 24 rad"),
         ({"Robot1_Odometry__dat": "1.0 0 0\n0.0 0 0\n"}, 1, "line 2: the time steps back"),
         ({"Barcodes__dat": "6 72\n7 72\n"}, 1, "line 2: barcode 72 stands for two subjects"),
     ],

@@ -144,6 +144,21 @@ def test_results_do_not_depend_on_threads_or_repetition(side: int, size: int) ->
     assert all(answer == answers[0] for answer in answers)
 
 
+@pytest.mark.parametrize("ordering", ["amd", "natural"])
+def test_threads_on_trees_that_are_hard_to_cut(ordering: str) -> None:
+    """A chain of many fronts, a hub with many leaves, and variables wider than any front that is cut."""
+    n = 100_000
+    leaves = BlockPattern.from_pairs(np.full(n, 3), np.zeros(n - 1), np.arange(1, n))
+    chain = BlockPattern.from_pairs(np.full(n, 3), np.arange(1, n), np.arange(n - 1))
+    wide = BlockPattern.from_pairs([300, 250, 400, 3, 200], [1, 2, 3, 4, 2, 4], [0, 0, 2, 3, 1, 0])
+    for pattern in (leaves, chain, wide) if ordering == "amd" else (chain, wide):
+        values = grid_information(pattern)
+        answers = [analyse(pattern, ordering=ordering, threads=threads).factorize(values).solve(np.ones(pattern.dim))
+                   for threads in (1, 2, 5)]
+        assert answers[1].tobytes() == answers[0].tobytes()
+        assert answers[2].tobytes() == answers[0].tobytes()
+
+
 def test_storage_is_reused() -> None:
     pattern = grid(5)
     symbolic = analyse(pattern)

@@ -36,6 +36,9 @@ def test_stretches_compose_what_a_loop_composes() -> None:
             covariance = back @ covariance @ back.T + steps.covariance[k]
         np.testing.assert_allclose(whole.motion[s], pose, atol=1e-12)
         np.testing.assert_allclose(whole.covariance(steps.covariance)[s], covariance, atol=1e-15)
+    variances = np.stack([rng.uniform(size=(len(steps), 3)) for _ in range(2)])
+    dense = np.stack([whole.covariance(each[:, :, None] * np.eye(3)) for each in variances])
+    np.testing.assert_allclose(whole.diagonal_covariance(variances), dense, atol=1e-12)
 
 
 def test_covariance_by_sampling() -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from itertools import product
 
 import numpy as np
@@ -66,7 +65,7 @@ def test_joint_compatibility_sees_through_a_shifted_pose() -> None:
     joint = common + 1e-4 * np.eye(8)
     noise = unit(3, 1e-4)
     own = np.array([joint[2 * j : 2 * j + 2, 2 * j : 2 * j + 2] for j in range(4)])
-    assert joint_compatibility(z, predicted, joint, noise, GATES).tolist() == [0, 1, 3]
+    assert joint_compatibility(z, predicted, joint, noise, GATES).landmark.tolist() == [0, 1, 3]
     assert nearest_neighbour(z, predicted, own, noise, GATES).tolist() != [0, 1, 3]
 
 
@@ -78,7 +77,10 @@ def test_branch_and_bound_finds_what_trying_all_finds() -> None:
         root = 0.25 * rng.standard_normal((2 * known, 2 * known))
         joint = root @ root.T + 1e-3 * np.eye(2 * known)
         z, noise = rng.uniform(0.0, 1.5, (count, 2)), unit(count)
-        found = joint_compatibility(z, predicted, joint, noise, replace(GATES, margin=-np.inf))
+        own = joint.reshape(known, 2, known, 2)[np.arange(known), :, np.arange(known)]
+        near = (compatibility(z, predicted, own, noise)[0] <= GATES.limit_known).sum(axis=1)
+        z = z[np.argsort(near, kind="stable")]  # the order in which the search takes them
+        found = joint_compatibility(z, predicted, joint, noise, GATES).compatible
         best = (-1, 0.0)
         for choice in product(range(-1, known), repeat=count):
             rows = [r for r, j in enumerate(choice) if j >= 0]
@@ -115,3 +117,39 @@ def _admissible(z, predicted, joint, noise, rows, picked) -> bool:  # type: igno
         _distance(z, predicted, joint, noise, rows[:k], picked[:k]) <= chi_square_limit(probability, 2 * k)
         for k in range(1, len(rows) + 1)
     )
+
+
+def test_exchanged_landmarks_are_rivals() -> None:
+    """Two sightings between two landmarks: each fits both ways round, though no third landmark is near."""
+    predicted = np.array([[0.0, 0.0], [0.2, 0.0]])
+    joint = 1e-6 * np.eye(4)
+    z = np.array([[0.09, 0.0], [0.11, 0.0]])
+    gates = Gates(margin=3.0)
+    assert joint_compatibility(z, predicted, joint, unit(2), gates).landmark.tolist() == [UNCLEAR, UNCLEAR]
+    apart = np.array([[0.0, 0.0], [0.2, 0.0]])
+    assert joint_compatibility(apart, predicted, joint, unit(2, 0.002), gates).landmark.tolist() == [0, 1]
+
+
+def test_a_pair_that_only_the_joint_gate_lets_pass_is_not_clear() -> None:
+    """Among many pairs that fit perfectly, one that is 3.3 deviations off passes jointly and is left alone."""
+    predicted = np.stack([np.arange(8.0), np.zeros(8)], axis=1)
+    z = predicted.copy()
+    z[3, 1] = 3.5 * np.sqrt(0.01)  # its noise is all that is uncertain once the others tell where the robot is
+    joint = np.tile(0.25 * np.eye(2), (8, 8)) + 1e-6 * np.eye(16)
+    found = joint_compatibility(z, predicted, joint, unit(8), GATES)
+    assert found.compatible.tolist() == list(range(8))
+    assert found.landmark.tolist() == [0, 1, 2, UNCLEAR, 4, 5, 6, 7]
+
+
+def test_a_moment_that_is_not_searched_through_says_so() -> None:
+    grid = np.stack(np.meshgrid(np.arange(5.0), np.arange(5.0)), axis=-1).reshape(-1, 2)
+    z = grid[:20] + np.random.default_rng(3).normal(0.0, 0.8, (20, 2))
+    joint = 0.5 * np.eye(50) + 0.1
+    hard = joint_compatibility(z, grid, joint, unit(20, 0.5), GATES, 1.0)
+    assert hard.exhausted
+    assert hard.tried <= 50 * 20
+    assert (hard.compatible >= 0).sum() >= 15  # the best that was found still counts
+    easy = joint_compatibility(grid[:20], grid, 1e-4 * np.eye(50), unit(20, 1e-4), GATES, 1.0)
+    assert not easy.exhausted
+    assert easy.landmark.tolist() == list(range(20))
+    assert easy.tried <= 40

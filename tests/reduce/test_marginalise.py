@@ -284,3 +284,25 @@ def test_parallel_edges_fuse(kind: Any) -> None:
     np.testing.assert_allclose(after, before, rtol=0.02, atol=0.02 * np.abs(before).max())
     assert np.abs(solution.values(kind).local(graph.values([0, 1, 2]))).max() < 2e-3
     assert fuse_parallel(graph) == 0
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("reuse", [0.3, 1e3])
+def test_edges_that_are_there_already_are_used_again_at_a_bounded_loss(kind: Any, reuse: float) -> None:
+    """A hub that all see goes; edges of an earlier tree tie its neighbours, where another has its place."""
+    rng = np.random.default_rng(3)
+    graph = pose_graph(kind, [(0, k) for k in range(1, 7)], seed=3, constant=False)
+    poses = graph.values(range(7))
+    for i, j in ((1, 4), (2, 4), (2, 6), (3, 6), (3, 5)):
+        graph.add(noisy_edge(kind, poses, i, j, rng, role=Role.MARGINAL))
+    graph.add(Prior(1, kind.from_array(poses.array[1]), information=np.eye(kind.dim)))
+    best = marginalise(graph, 0)
+    spared = marginalise(graph, 0, reuse=reuse)
+    edges = 5
+    assert best.information_loss <= spared.information_loss <= best.information_loss + edges * reuse
+    fuse_parallel(spared.graph)
+    fuse_parallel(best.graph)
+    assert spared.graph.counts["marginal"] <= best.graph.counts["marginal"]
+    if reuse == 1e3:
+        assert spared.graph.counts["marginal"] == edges
+        assert best.graph.counts["marginal"] > edges

@@ -190,7 +190,7 @@ def information_along(walls: Array, smear: float) -> tuple[float, float]:
     target = index_cloud(merge_surfels(concatenate(clouds), 0.05))
     source, options = SourceClouds.single(cloud_of(walls, np.zeros(3), sigma=0.01, seed=99)), AlignmentOptions()
     found = align(target, source, ONE, np.zeros((1, 3)), options=options)
-    left = with_new_partners(target, source, found.T_target_source[0], found.information[0], options)
+    left = with_new_partners(target, source, ONE, found.T_target_source, found.information, options)[0]
     assert np.linalg.eigvalsh(left).min() > 0
     assert np.all(np.diag(left) <= np.diag(found.information[0]) * (1 + 1e-9))
     np.testing.assert_allclose(left[1, 1], found.information[0, 1, 1], rtol=1e-2)
@@ -213,5 +213,5 @@ def test_a_wall_across_a_corridor_is_still_told_by() -> None:
 def test_information_in_a_room_stays_as_it_is() -> None:
     target, source = index_cloud(cloud_of(ROOM, np.zeros(3))), SourceClouds.single(cloud_of(ROOM, np.zeros(3)))
     found = align(target, source, ONE, np.zeros((1, 3)))
-    left = with_new_partners(target, source, np.zeros(3), found.information[0], AlignmentOptions())
+    left = with_new_partners(target, source, ONE, np.zeros((1, 3)), found.information, AlignmentOptions())[0]
     np.testing.assert_array_equal(left, found.information[0])

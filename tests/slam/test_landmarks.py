@@ -14,7 +14,7 @@ from clew.geometry import SE2, Point2, se2, wrap
 from clew.io import SightingLog, Sightings, Velocities, read_feature_log, read_graph, read_mrclam, write_graph
 from clew.io.log import ReadReport
 from clew.slam.landmarks import KEYS_A_ROBOT, map_features, map_landmarks
-from clew.slam.landmarks.noise import repeats
+from clew.slam.landmarks.track import _views
 from clew.solve import optimize
 
 DATA = Path(__file__).parents[2].parent / "shared" / "data" / "landmarks"
@@ -100,6 +100,28 @@ def test_two_robots_are_one_map(log: SightingLog) -> None:
     assert set(found.graph.keys(Point2)) == set(found.identity)
 
 
+def test_a_robot_that_sees_little_is_found_by_one_that_sees_it(log: SightingLog) -> None:
+    """Robot 2 sees landmarks at the begin and at the end only; in between robot 1 sees it."""
+    other = simulate(2, 1, np.array([-0.5, 1.5, 2.0]))
+    assert log.truth is not None
+    assert other.truth is not None
+    stamp = other.landmarks.timestamp
+    other = replace(other, landmarks=other.landmarks.take((stamp < 20.0) | (stamp > 105.0)))
+    rng = np.random.default_rng(2)
+    q = se2.act(se2.inverse(log.truth[::8, 1:]), other.truth[::8, 1:3])
+    bearing, distance = np.arctan2(q[:, 1], q[:, 0]), np.hypot(*q.T)
+    seen = np.abs(bearing) < 0.8
+    z = bearing[seen] + OFFSET + BEARING_SIGMA * rng.standard_normal(seen.sum())
+    ranges = distance[seen] * (1.0 + CURVE * (z * z - 0.12)) + RANGE_SIGMA * rng.standard_normal(seen.sum())
+    mates = Sightings(log.truth[::8, 0][seen], np.full(seen.sum(), 2), ranges, z)
+    errors = []
+    for robots in (log.robots, mates):
+        found = map_landmarks([replace(log, robots=robots), other]).robots[1]
+        error = absolute_trajectory_error(other.truth[:, 0], other.truth[:, 1:], found.timestamps, found.T_world_robot)
+        errors.append(error.translation.rmse)
+    assert errors[1] < 0.6 * errors[0]
+
+
 def test_robots_without_common_landmarks_are_refused(log: SightingLog) -> None:
     other = simulate(2, 1, np.array([-0.5, 1.5, 2.0]), 40.0)
     seen = other.landmarks
@@ -113,15 +135,14 @@ def test_robots_without_common_landmarks_are_refused(log: SightingLog) -> None:
         map_landmarks([log, log])
 
 
-def test_repeats_of_a_first_order_process() -> None:
-    rng = np.random.default_rng(5)
-    count, correlation = 60_000, 0.6
-    error = np.zeros(count)
-    for k in range(1, count):
-        error[k] = correlation * error[k - 1] + rng.standard_normal()
-    seen = Sightings(0.5 * np.arange(count), np.full(count, 6), np.ones(count), np.zeros(count))
-    assert repeats(seen, error) == pytest.approx((1 + correlation) / (1 - correlation), rel=0.15)
-    assert repeats(seen, rng.standard_normal(count)) < 1.2
+def test_views_end_with_pauses_and_after_a_while() -> None:
+    stamp = np.array([0.0, 0.0, 1.0, 1.5, 6.0, 7.0, 9.0, 11.0, 13.0, 15.0, 17.5])
+    identity = np.array([6, 7, 6, 7, 6, 7, 7, 7, 7, 7, 7])
+    none = np.zeros(len(stamp))
+    views = _views(Sightings(stamp, identity, none, none))
+    expected = [0, 2, 0, 2, 1, 3, 3, 3, 3, 3, 4]
+    np.testing.assert_array_equal(views, expected)
+    assert len(_views(Sightings(*(np.empty(0, kind) for kind in (float, np.int64, float, float))))) == 0
 
 
 def test_unknown_landmarks_of_a_simulated_world() -> None:

@@ -79,7 +79,10 @@ def test_refining_pulls_a_bent_map_straight() -> None:
     slam._pose_graph.set_poses(shaken)
     from clew.slam.refine import refine
 
-    refined = np.asarray(refine(slam._keyframes, slam._pose_graph.graph, slam.config, slam._sensor).values(SE2).array)
+    keyframes = slam._keyframes
+    clouds = keyframes.clouds(keyframes.alive)
+    graph = refine(clouds, keyframes.alive, slam._pose_graph.graph, slam.config, slam._sensor)
+    refined = np.asarray(graph.values(SE2).array)
     assert errors(refined, straight)[0].max() < 0.03
     assert errors(shaken, straight)[0].max() > 0.06
 

@@ -11,6 +11,7 @@ import clew
 from clew import _native
 from clew.geometry import so3
 from clew.solve import Status
+from solve.worlds import turned_sphere
 
 
 def exact_world(kind: Any, seed: int) -> tuple[clew.FactorGraph, Any, Any]:
@@ -34,7 +35,7 @@ def exact_world(kind: Any, seed: int) -> tuple[clew.FactorGraph, Any, Any]:
 
 
 @pytest.mark.parametrize("kind", [clew.SE2, clew.SE3])
-@pytest.mark.parametrize("init", ["tree", "rotation", "auto"])
+@pytest.mark.parametrize("init", ["tree", "rotation", "joint", "auto"])
 @pytest.mark.parametrize("seed", range(5))
 def test_exact_measurements_give_exact_guesses(kind: Any, init: str, seed: int) -> None:
     graph, truth, points = exact_world(kind, seed)
@@ -43,6 +44,32 @@ def test_exact_measurements_give_exact_guesses(kind: Any, init: str, seed: int) 
     assert np.abs(truth.local(solution.values(kind))).max() < 1e-9
     point = clew.Point2 if kind is clew.SE2 else clew.Point3
     np.testing.assert_allclose(solution.values(point).array, points, atol=1e-9)
+
+
+@pytest.mark.parametrize("kind", [clew.SE2, clew.SE3])
+@pytest.mark.parametrize("init", ["rotation", "joint"])
+def test_guesses_meet_several_known_poses(kind: Any, init: str) -> None:
+    graph, truth, _ = exact_world(kind, 1)
+    known = graph.keys(kind)[[2, 7]]
+    graph.set_values(known, truth[[2, 7]])
+    graph.set_constant(known)
+    solution = clew.optimize(graph, init=init, max_iterations=0)
+    assert solution.init == init
+    assert np.abs(truth.local(solution.values(kind))).max() < 1e-9
+    given = graph.values(kind)[[2, 7]].array
+    np.testing.assert_array_equal(solution.values(kind)[[2, 7]].array, given)  # constant to the last bit
+
+
+@pytest.mark.parametrize("init", ["tree", "rotation", "joint", "auto"])
+def test_guesses_of_landmarks_alone(init: str) -> None:
+    """All poses are held, and what they see contradicts itself."""
+    graph, _, _ = exact_world(clew.SE2, 1)
+    keys, point = graph.keys(clew.SE2), graph.add_point([5.0, 5.0])
+    graph.set_constant(keys)
+    graph.add(clew.PointObservation(keys[:3], np.repeat(point, 3), [[1.0, 2.0], [9.0, -3.0], [4.0, 4.0]], sigmas=0.01))
+    solution = clew.optimize(graph, init=init)
+    assert solution.status is Status.CONVERGED
+    np.testing.assert_array_equal(solution.values(clew.SE2).array, graph.values(clew.SE2).array)
 
 
 def test_auto_keeps_current_values_that_are_better() -> None:
@@ -150,6 +177,19 @@ def test_a_graph_that_grows_uses_a_map_that_is_given() -> None:
     graph.set_constant(graph.keys(clew.Point2))
     guess = clew.optimize(graph, init="sequential", max_iterations=0)
     assert guess.chi2_initial < 1.1 * solved.chi2
+
+
+@pytest.mark.parametrize(("shape", "sigmas", "seed"), [((10, 20), (0.5, 0.5), 2), ((10, 12), (0.1, 0.5), 0)])
+def test_rotations_and_translations_at_once_where_rotations_first_end_badly(
+    shape: tuple[int, int], sigmas: tuple[float, float], seed: int
+) -> None:
+    graph, best = turned_sphere(*shape, sigmas, seed)
+    assert clew.optimize(graph, init="rotation").chi2 > 1.3 * best
+    solution = clew.optimize(graph)
+    assert solution.status is Status.CONVERGED
+    assert solution.init == "joint"
+    assert solution.chi2 < 1.08 * best
+    assert clew.optimize(graph, init="joint", max_iterations=0).init == "joint"
 
 
 def test_nearest_rotations_against_the_singular_value_decomposition() -> None:

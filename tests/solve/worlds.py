@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 import clew
+from clew.geometry import so3
 
 
 def information(generator: np.random.Generator, count: int, dim: int) -> Any:
@@ -119,3 +120,32 @@ def consistent_graph(seed: int, space: int, poses: int, points: int, noise: floa
     )
     graph.set_values(keys, blurred(truth))
     return graph
+
+
+def turned_sphere(rings: int, per_ring: int, sigmas: tuple[float, float], seed: int) -> tuple[clew.FactorGraph, float]:
+    """A spiral around a sphere with edges from ring to ring, and the cost at the minimum beside the truth.
+
+    Args:
+        rings: number of rings.
+        per_ring: poses on each; the radius is as many metres.
+        sigmas: noise of translations, metres, and rotations, radians.
+        seed: of the noise.
+    """
+    generator = np.random.default_rng(seed)
+    count = rings * per_ring
+    polar = np.linspace(0.05, 0.95, rings).repeat(per_ring) * np.pi
+    around = np.tile(np.arange(per_ring) * 2 * np.pi / per_ring, rings)
+    up = np.stack([np.sin(polar) * np.cos(around), np.sin(polar) * np.sin(around), np.cos(polar)], axis=1)
+    forward = np.stack([-np.sin(around), np.cos(around), 0 * around], axis=1)
+    turns = so3.from_matrix(np.stack([forward, np.cross(up, forward), up], axis=2))
+    truth = clew.SE3.from_array(np.hstack([per_ring * up, turns]))
+    noise = np.repeat(sigmas, 3)
+    graph = clew.FactorGraph()
+    keys = graph.add_pose(clew.SE3.identity((count,)))
+    for step, role in ((1, "odometry"), (per_ring, "loop")):
+        i, j = np.arange(count - step), np.arange(step, count)
+        measured = truth[i].between(truth[j]).retract(noise * generator.standard_normal((len(i), 6)))
+        graph.add(clew.Between(keys[i], keys[j], measured, sigmas=noise, role=role))
+    known = graph.copy()
+    known.set_values(keys, truth)
+    return graph, clew.optimize(known, init="file").chi2

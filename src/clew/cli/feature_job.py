@@ -81,6 +81,7 @@ def _summary(found: FeatureMap, log: FeatureLog, given: bool) -> dict[str, objec
         "sightings": int(found.sightings.sum()),
         "without_landmark": int(np.sum(found.landmark < 0)),
         "identities": "given" if given else "found",
+        "moments_not_searched_through": found.exhausted,
         "chi2": found.solution.chi2,
         "status": found.solution.status.name,
         "unit_variance": found.unit_variance,
@@ -99,6 +100,11 @@ def _report(summary: dict[str, object], out: Path, console: Console) -> None:
     if isinstance(parts, dict):
         noise = ", ".join(f"{name} {np.sqrt(value):.2g}" for name, value in parts.items())
         console.print(f"noise found, as a multiple of what the file says: {noise}")
+    if summary["moments_not_searched_through"]:
+        console.print(
+            f"at {summary['moments_not_searched_through']} poses landmarks stand so close for their noise that not all "
+            "ways to tell them apart were tried",
+        )
     skipped = summary["skipped"]
     assert isinstance(skipped, dict)
     if skipped:

@@ -109,8 +109,13 @@ def _summary(
             "model": robot.model.to_dict(),
         }
         if log.truth is not None:
-            error = absolute_trajectory_error(log.truth[:, 0], log.truth[:, 1:], robot.timestamps, robot.T_world_robot)
-            entry["ate_m"] = round(error.translation.rmse, 4)
+            try:
+                error = absolute_trajectory_error(
+                    log.truth[:, 0], log.truth[:, 1:], robot.timestamps, robot.T_world_robot
+                )
+                entry["ate_m"] = round(error.translation.rmse, 4)
+            except InputError as reason:  # the map does not need the truth
+                entry["truth_not_used"] = str(reason)
         robots.append(entry)
     summary: dict[str, object] = {
         "robots": robots,
@@ -136,6 +141,8 @@ def _report(summary: dict[str, object], out: Path, console: Console) -> None:
     assert isinstance(robots, list)
     for robot in robots:
         error = f", error against the truth {robot['ate_m']} m (ATE, RMSE)" if "ate_m" in robot else ""
+        if "truth_not_used" in robot:
+            error = f"; the truth is not used: {robot['truth_not_used']}"
         console.print(
             f"robot {robot['robot']}: {robot['poses']} poses, {robot['landmark_sightings']} sightings of landmarks, "
             f"{robot['robot_sightings']} of robots{error}",

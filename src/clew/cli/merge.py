@@ -29,7 +29,7 @@ def merge(
     Where the robots stand to each other is told from at least three landmarks of the same identity, from a
     constellation of landmarks that cannot be chance, or from edges between the robots' poses (the top byte of a
     vertex id is the robot's letter). Robots that cannot be placed are not merged. The result is in the frame of
-    the first robot; report.html shows it.
+    the first robot; report.html and the picture show it.
 
     **Examples**
 
@@ -49,12 +49,35 @@ def merge(
         shown.begin("writing", note="files, report")
         ensure_output_folder(output)
         write_merged(merged, output)
+        _draw(merged, output)
         write_report(output / "report.html", report_of_merge(merged))
     summary = summarise(merged)
     if as_json:
         typer.echo(json.dumps(summary, indent=2))
     elif not quiet:
         typer.echo(_as_text(merged, summary))
+        typer.echo(f"look at {output / 'report.html'} (clew view {output}); the rest is beside it")
+
+
+def _draw(merged: MergedFleet, folder: Path) -> None:
+    """Write ``landmarks.png``, or ``graph.png`` where there are no landmarks, with a colour for each robot."""
+    from clew.geometry import Point2
+    from clew.view import graph_figure, save_figure, save_landmarks_png, solution_scene
+
+    solution, names = merged.solution, merged.names
+    title = f"{len(names)} robots merged"
+    if Point2 not in solution.kinds:
+        scene = solution_scene(solution, robots={name: merged.pose_keys(k) for k, name in enumerate(names)})
+        save_figure(graph_figure(scene, title), folder / "graph.png")
+        return
+    keys = solution.keys(Point2)
+    identities = [merged.identities.get(int(key), "") for key in keys]
+    save_landmarks_png(
+        folder / "landmarks.png",
+        [(name, merged.poses(k).array[:, :2]) for k, name in enumerate(names)],
+        solution.values(Point2).array, solution.covariances(Point2), identities if any(identities) else None, title,
+        f"{len(solution.keys()):,} poses, {len(keys):,} landmarks, {len(merged.shared):,} of them in common",
+    )  # fmt: skip
 
 
 def summarise(merged: MergedFleet) -> dict[str, object]:

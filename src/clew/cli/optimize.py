@@ -35,6 +35,7 @@ class Init(str, Enum):
     FILE = "file"
     TREE = "tree"
     ROTATION = "rotation"
+    JOINT = "joint"
     SEQUENTIAL = "sequential"
 
 

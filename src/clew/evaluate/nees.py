@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import chi2
+from scipy.special import chdtri
 
 from clew.errors import InputError
 
@@ -71,7 +71,7 @@ def consistency(squares: Array, dim: int, confidence: float = 0.95) -> Consisten
     """
     count = effective_count(squares)
     tail = (1.0 - confidence) / 2.0
-    low, high = (float(chi2.ppf(q, dim * count)) / count for q in (tail, 1.0 - tail))
+    low, high = (float(chdtri(dim * count, above)) / count for above in (1.0 - tail, tail))
     return Consistency(float(np.mean(squares)), dim, count, low, high)
 
 

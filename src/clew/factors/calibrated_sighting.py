@@ -23,6 +23,10 @@ from clew.noise import Kernel
 
 Array = NDArray[np.float64]
 
+#: Radians: the distortion is a polynomial that holds in the picture, so nothing is taken to be further than that from
+#: where it was measured. A wrong sighting of something behind the robot would else look right where it folds over.
+NEAR = 0.2
+
 
 class CalibratedSighting(Measured):
     """Base of `CalibratedRange` and `CalibratedBearing`.
@@ -115,20 +119,21 @@ class CalibratedSighting(Measured):
 class CalibratedRange(CalibratedSighting):
     """Distance of what was seen.
 
-    Residual: ``|q| (1 + scale + slope f_1 + curve f_2 - offset f_3) + offset - range``. Parameters: ``(scale,
-    offset)``, ``(slope, curve)``, ``(forward, left)``. ``f_1`` and ``f_2`` are the measured bearing and its
-    square, each less a constant, ``f_3`` an inverse range at which the offset shall change nothing.
+    Residual: ``|q| (1 + scale + slope f_1 + curve f_2 - offset f_3) + offset + bias - range``. Parameters: ``(scale,
+    offset)``, ``(slope, curve)``, ``(bias, .)``, ``(forward, left)``; the bias is that of one view. ``f_1``
+    and ``f_2`` are the measured bearing and its square, each less a constant, ``f_3`` an inverse range at which the
+    offset shall change nothing.
     """
 
-    _parameters = 3
+    _parameters = 4
     _basis = 3
 
     def _error(self, q: Array, *parameters: Array, measurement: Array) -> Array:
-        offset = parameters[0][:, 1:]
-        return range_of(q) * self.stretch(*parameters, measurement=measurement) + offset - measurement[:, :1]
+        added = parameters[0][:, 1:] + parameters[2][:, :1]
+        return range_of(q) * self.stretch(*parameters[:2], measurement=measurement) + added - measurement[:, :1]
 
     @staticmethod
-    def stretch(first: Array, second: Array, _: Array, *, measurement: Array) -> Array:
+    def stretch(first: Array, second: Array, *, measurement: Array) -> Array:
         """What distances ``(M, 1)`` are multiplied by."""
         along = first[:, :1] - first[:, 1:] * measurement[:, 3:]
         result: Array = 1.0 + along + (second * measurement[:, 1:3]).sum(axis=1, keepdims=True)
@@ -136,43 +141,52 @@ class CalibratedRange(CalibratedSighting):
 
     def _derivatives(self, q: Array, *parameters: Array, measurement: Array) -> tuple[Array, ...]:
         distance = range_of(q)
-        by_q = range_jacobian(q) * self.stretch(*parameters, measurement=measurement)[:, :, None]
+        by_q = range_jacobian(q) * self.stretch(*parameters[:2], measurement=measurement)[:, :, None]
         first = np.concatenate([distance, 1.0 - distance * measurement[:, 3:]], axis=1)
-        return by_q, first[:, None], (distance * measurement[:, 1:3])[:, None]
+        return by_q, first[:, None], (distance * measurement[:, 1:3])[:, None], _column(0, len(q))
 
 
 class CalibratedBearing(CalibratedSighting):
     """Direction of what was seen.
 
-    Residual: ``b + offset + slope (b - f_1) + curve (b^2 - f_2) + cube (b^3 - f_3) - bearing`` with
+    Residual: ``b + offset + slope (b - f_1) + curve (b^2 - f_2) + cube (b^3 - f_3) + bias - bearing`` with
     ``b = atan2(q_y, q_x)``, taken within half a turn of the measured bearing. Parameters: ``(offset, slope)``,
-    ``(curve, cube)``, ``(forward, left)``; ``f_1`` to ``f_3`` are constants. The distortion is that of the true
-    direction: that of the measured one would make errors look smaller the more it compresses the picture.
+    ``(curve, cube)``, ``(., bias)``, ``(forward, left)``; the bias is that of one view, ``f_1`` to ``f_3``
+    are constants. The distortion is that of the true direction (that of the measured one would make errors look smaller
+    the more it compresses the picture), but at most `NEAR` from the measured one.
     """
 
-    _parameters = 3
+    _parameters = 4
     _basis = 3
 
     def direction(self, pose: Array, target: Array, *parameters: Array, measurement: Array) -> Array:
-        """True direction ``(M,)`` as seen from the sensor."""
-        return self._direction(self._view(pose, target, parameters[-1]), measurement)
+        """True direction ``(M,)`` as seen from the sensor, at which the distortion is taken."""
+        return self._direction(self._view(pose, target, parameters[-1]), measurement)[1]
 
     @staticmethod
-    def _direction(q: Array, measurement: Array) -> Array:
+    def _direction(q: Array, measurement: Array) -> tuple[Array, Array]:
+        """``b``, and the direction at which the distortion is taken, ``(M,)`` each."""
         measured = measurement[:, 0]
-        result: Array = measured + wrap(direction_of(q)[:, 0] - measured)
-        return result
+        apart = wrap(direction_of(q)[:, 0] - measured)
+        return measured + apart, measured + np.clip(apart, -NEAR, NEAR)
 
     def _error(self, q: Array, *parameters: Array, measurement: Array) -> Array:
-        (first, second, _), b = parameters, self._direction(q, measurement)
-        powers = np.stack([b, b**2, b**3], axis=1) - measurement[:, 1:]
+        (first, second, bias, _), (b, near) = parameters, self._direction(q, measurement)
+        powers = np.stack([near, near**2, near**3], axis=1) - measurement[:, 1:]
         weights = np.concatenate([first[:, 1:], second], axis=1)
-        error: Array = b + first[:, 0] + (powers * weights).sum(axis=1) - measurement[:, 0]
+        error: Array = b + first[:, 0] + bias[:, 1] + (powers * weights).sum(axis=1) - measurement[:, 0]
         return error[:, None]
 
     def _derivatives(self, q: Array, *parameters: Array, measurement: Array) -> tuple[Array, ...]:
-        (first, second, _), b = parameters, self._direction(q, measurement)
-        stretch = 1.0 + first[:, 1] + 2.0 * second[:, 0] * b + 3.0 * second[:, 1] * b**2
-        by_first = np.stack([np.ones(len(q)), b - measurement[:, 1]], axis=1)[:, None]
-        by_second = np.stack([b**2, b**3], axis=1) - measurement[:, 2:]
-        return direction_jacobian(q) * stretch[:, None, None], by_first, by_second[:, None]
+        (first, second, *_), (b, near) = parameters, self._direction(q, measurement)
+        stretch = 1.0 + (b == near) * (first[:, 1] + 2.0 * second[:, 0] * near + 3.0 * second[:, 1] * near**2)
+        by_first = np.stack([np.ones(len(q)), near - measurement[:, 1]], axis=1)[:, None]
+        by_second = np.stack([near**2, near**3], axis=1) - measurement[:, 2:]
+        return direction_jacobian(q) * stretch[:, None, None], by_first, by_second[:, None], _column(1, len(q))
+
+
+def _column(coordinate: int, count: int) -> Array:
+    """``(count, 1, 2)`` derivative by one coordinate of a point."""
+    out = np.zeros((count, 1, 2))
+    out[:, :, coordinate] = 1.0
+    return out

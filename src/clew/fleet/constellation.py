@@ -24,6 +24,7 @@ Mask = NDArray[np.bool_]
 #: Numbers that limit the work: partners of a landmark in proposals, proposals scored, proposals refined.
 NEIGHBOURS, MOST_SCORED, MOST_REFINED = 24, 12_000, 20
 OTHER_HEADING = 0.35  # radians; a pose from two near landmarks is that far off at times and still the same
+NEAREST = 1.0  # squared Mahalanobis; landmarks that agree better than their deviation tell no more for it
 CHUNK = 200_000  # distances held in memory at a time
 
 
@@ -97,8 +98,22 @@ def find_agreement(a: PointMap, b: PointMap, compatible: Mask, *, gate: float, s
     by_chance = float(np.mean(counts[other] - 2)) if other.any() else 0.0
     most = min(len(a), len(b)) - 2
     chance = np.clip(max(_coverage(a, np.median(reach)), by_chance / max(most, 1)), 0.0, 0.99)
-    alarms = np.log10(total) + binom.logsf(len(pairs) - 3, most, chance) / np.log(10)
-    return Agreement(fit, pairs, runner_up, float(alarms))
+    return Agreement(fit, pairs, runner_up, _false_alarms(fit, total, most, float(chance), gate))
+
+
+def _false_alarms(fit: RigidFit, total: int, most: int, chance: float, gate: float) -> float:
+    """Logarithm (base 10) of the expected number of poses that fit as well by chance.
+
+    For each number of pairs, the largest of their distances says how near chance would have to bring that many: the
+    probability is that of the gate, less in the proportion of the areas. The best of all numbers counts, and each has
+    been tried (Moisan & Stival, section 3.2). Two pairs fit always.
+    """
+    ordered = np.maximum(np.sort(fit.distances)[2:], NEAREST)
+    if not len(ordered) or most < 1:
+        return float(np.log10(total))
+    count = np.arange(1, len(ordered) + 1)
+    tail = binom.logsf(count - 1, most, np.clip(chance * ordered / gate, 1e-12, 0.99)) / np.log(10)
+    return float(np.log10(total * most) + tail.min())
 
 
 def _refine_best(a: PointMap, b: PointMap, proposals: Array, counts: Index, compatible: Mask,

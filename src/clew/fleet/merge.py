@@ -61,9 +61,12 @@ class MergedFleet:
 
     def poses(self, robot: int) -> Any:
         """Poses of one robot in the frame of the first, in the order of its own keys."""
-        kind = self.solution.graph.kind(int(self.keys[robot][1][0]))
-        own = np.isin(self.keys[robot][1], self.solution.keys(kind))
-        return self.solution.graph.values(self.keys[robot][1][own])
+        return self.solution.graph.values(self.pose_keys(robot))
+
+    def pose_keys(self, robot: int) -> Index:
+        """Keys of one robot's poses in the joint graph, in the order of its own keys."""
+        new = self.keys[robot][1]
+        return new[np.isin(new, self.solution.keys())]
 
 
 def merge(

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from clew.fleet.files import write_landmarks
+from clew.fleet.keys import SHIFT
 from clew.fleet.merge import MergedFleet
 from clew.geometry import Point2
 from clew.io import atomic_write, write_graph
@@ -21,8 +22,8 @@ def write_merged(merged: MergedFleet, folder: Path) -> None:
     """
     write_graph(folder / "graph.g2o", merged.graph)
     robots = [
-        {"name": name, "letter": chr(int(keys[1][0]) >> 56), "T_first_robot": frame.tolist()}
-        for name, keys, frame in zip(merged.names, merged.keys, merged.frames, strict=True)
+        {"name": name, "letter": chr(int(merged.pose_keys(number)[0]) >> SHIFT), "T_first_robot": frame.tolist()}
+        for number, (name, frame) in enumerate(zip(merged.names, merged.frames, strict=True))
     ]
     with atomic_write(folder / "robots.json") as file:
         json.dump(robots, file, indent=2)

@@ -45,7 +45,7 @@ class MergeOptions:
     confidence: float = 0.997
     slack: float = 0.05
     identity_slack: float = 0.2
-    log10_false_alarms: float = -6.0
+    log10_false_alarms: float = -8.0
     runner_up: float = 0.5
     common_share: float = 0.5
     minimum_sightings: int = 2

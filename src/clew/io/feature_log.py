@@ -22,6 +22,7 @@ from clew.io.read_graph import read_graph
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
+_FURTHEST = 1e7  # metres; nothing on this planet is seen from further
 _BARE_FEATURE = b"DATA_FEATURE_POINTXY"
 
 
@@ -47,7 +48,7 @@ def read_feature_log(path: str | PathLike[str]) -> FeatureLog:
     path = Path(path)
     content = read_content(path)
     if is_circles(content.data):
-        return read_circles(path)
+        return _checked(read_circles(path))
     file = read_graph(path)
     if file.features is None:
         raise InputError(f"{path}: holds no features; optimise it with `clew optimize`")
@@ -63,7 +64,31 @@ def read_feature_log(path: str | PathLike[str]) -> FeatureLog:
     order = np.argsort(file.features.keys, kind="stable")
     bare = file.features
     features = Features(bare.keys[order], bare.measurement[order], bare.information[order])
-    return FeatureLog(path, keys, motion, information, features, None, report)
+    return _checked(FeatureLog(path, keys, motion, information, features, None, report))
+
+
+def _checked(log: FeatureLog) -> FeatureLog:
+    """The log, if every measurement in it says something and says where."""
+    for what, keys, information in (
+        ("relative pose to pose", log.keys[1:], log.information),
+        ("feature seen from pose", log.features.keys, log.features.information),
+    ):
+        # the smallest eigenvalue against the largest: information must be regular, and safely so
+        spectrum = np.linalg.eigvalsh(information)
+        bad = np.flatnonzero(~(spectrum[:, 0] > 1e-12 * np.maximum(spectrum[:, -1], 1e-300)))
+        if len(bad):
+            raise InputError(
+                f"{log.path}: the {what} {keys[bad[0]]} has an information matrix that is not positive definite "
+                f"(eigenvalues {', '.join(f'{value:.3g}' for value in spectrum[bad[0]])}), as {len(bad)} of "
+                f"{len(keys)} have; correct or remove the line"
+            )
+    far = np.flatnonzero(np.abs(log.features.measurement).max(axis=1, initial=0.0) > _FURTHEST)
+    if len(far):
+        raise InputError(
+            f"{log.path}: the feature seen from pose {log.features.keys[far[0]]} is more than {_FURTHEST:.0e} m away; "
+            "correct or remove the line"
+        )
+    return log
 
 
 def _chain(path: Path, graph: FactorGraph) -> tuple[Indices, Array, Array]:

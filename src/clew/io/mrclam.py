@@ -106,7 +106,13 @@ def _sightings(folder: Path, robot: int, report: ReadReport) -> Sightings:
     path = folder / f"Robot{robot}_Measurement.dat"
     if not path.exists():
         raise InputError(f"{path}: is missing; without sightings there is nothing to map")
-    rows, _ = read_table(path, 4, "time barcode range bearing")
+    rows, lines = read_table(path, 4, "time barcode range bearing")
+    turned = np.flatnonzero(np.abs(rows[:, 3]) > 2.0 * np.pi)
+    if len(turned):
+        raise InputError(
+            f"{path}, line {lines[turned[0]]}: a bearing of {rows[turned[0], 3]:g} rad is more than a whole turn; "
+            "give radians"
+        )
     identity = _identities(folder / _BARCODES, rows[:, 1])
     reasons = {
         "sighting of an unknown barcode": identity < 0,

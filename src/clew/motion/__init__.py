@@ -3,6 +3,8 @@
 from clew.motion.ackermann import Ackermann
 from clew.motion.buffer import OdometryBuffer
 from clew.motion.calibration import OdometryCalibration, OdometryQuality, bounded
+from clew.motion.gyro import Gyro, GyroMotion
+from clew.motion.increment import increment_motion
 from clew.motion.integrate import Pieces, Preintegrated, cut, preintegrate
 from clew.motion.noise import OdometryNoise
 from clew.motion.odometry import Odometry
@@ -12,6 +14,8 @@ from clew.motion.wheels import WheelEncoders
 
 __all__ = [
     "Ackermann",
+    "Gyro",
+    "GyroMotion",
     "MotionStep",
     "Odometry",
     "OdometryBuffer",
@@ -24,6 +28,7 @@ __all__ = [
     "WheelEncoders",
     "bounded",
     "cut",
+    "increment_motion",
     "preintegrate",
     "velocity_motion",
 ]

@@ -44,8 +44,8 @@ class Ackermann:
             Motions; the control of their Jacobian is ``(speed, steering)``.
 
         Raises:
-            InputError: a wheelbase that is not positive, a steering angle of 90 degrees or more, numbers that are not
-                finite.
+            InputError: a wheelbase that is not positive, a steering angle of 90 degrees or more or one at which the
+                measured wheel stands still, numbers that are not finite.
         """
         check_positive("Ackermann", wheelbase=self.wheelbase)
         duration, speed, steering = read_controls(
@@ -56,7 +56,14 @@ class Ackermann:
             raise InputError(f"Ackermann: steering {row} is {steering[row]:g} rad; give radians below pi / 2")
         curvature = np.tan(steering) / self.wheelbase
         # The measured wheel runs on a circle whose radius is smaller by the offset (Guivant and Nebot 2001, eq. 33).
-        share = 1.0 / (1.0 - self.encoder_offset * curvature)
+        slower = 1.0 - self.encoder_offset * curvature
+        if (slower <= 0.0).any():
+            row = int(np.argmin(slower))
+            raise InputError(
+                f"Ackermann: steering {row} is {steering[row]:g} rad, at which the measured wheel would stand still or "
+                "roll backwards; give the encoder's offset in metres to the left, and angles that the vehicle can steer"
+            )
+        share = 1.0 / slower
         distance = speed * duration * share
         increment, by_twist = constant_twist(
             np.stack([distance, np.zeros_like(distance), distance * curvature], axis=1)

@@ -66,6 +66,12 @@ class Preintegrated:
         """Covariance ``(S, 3, 3)`` at the end of each stretch from those of independent increments ``(N, 3, 3)``."""
         return self._sum(self.to_end @ covariances @ np.swapaxes(self.to_end, 1, 2))
 
+    def diagonal_covariance(self, variances: Array) -> Array:
+        """Covariances ``(K, S, 3, 3)`` as `covariance` has them, from diagonal ones ``(K, N, 3)``."""
+        columns = np.swapaxes(self.to_end, 1, 2)
+        outer = columns[:, :, :, None] * columns[:, :, None, :]
+        return np.stack([self._sum(np.einsum("ni,nijk->njk", each, outer)) for each in variances])
+
     def jacobian(self, by_parameter: Array) -> Array:
         """Derivative ``(S, 3, p)`` of each stretch by parameters that all increments share, from ``(N, 3, p)``."""
         return self._sum(self.to_end @ by_parameter)

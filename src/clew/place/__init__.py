@@ -6,13 +6,13 @@ from clew.place.association import (
     Gates,
     chi_square_limit,
     compatibility,
-    joint_compatibility,
     nearest_neighbour,
 )
 from clew.place.closure import Closure, Verdict
 from clew.place.consistency import ConsistencyOptions, agree
 from clew.place.descriptor import Descriptor, DescriptorIndex, PairDistances, RingSpectra, TurnedRings
 from clew.place.joining import JoinOptions, join_landmarks, landmark_density
+from clew.place.joint import JointAssociation, joint_compatibility
 from clew.place.submap import Submap, build_submap, surfels_of
 from clew.place.verify import VerificationOptions, look_back, verify
 
@@ -25,6 +25,7 @@ __all__ = [
     "DescriptorIndex",
     "Gates",
     "JoinOptions",
+    "JointAssociation",
     "PairDistances",
     "RingSpectra",
     "Submap",

@@ -16,7 +16,7 @@ from scipy.special import chdtri
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
-_MOST_TRIED = 2000  # pairings tried for the sightings of a moment; then the best found so far counts
+_SMALLEST_DETERMINANT = 1e-30
 
 NEW = -1  # no landmark that is known
 UNCLEAR = -2  # neither one that is known for sure, nor for sure a new one
@@ -65,13 +65,23 @@ def compatibility(z: Array, predicted: Array, covariance: Array, noise: Array) -
         noise: ``(M, 2, 2)`` covariance of each sighting.
     """
     total = covariance[None] + noise[:, None]
-    difference = z[:, None] - predicted[None]
-    determinant = total[..., 0, 0] * total[..., 1, 1] - total[..., 0, 1] ** 2
+    distance = squared_distance(z[:, None] - predicted[None], total)
+    return distance, distance + np.log(determinant(total))
+
+
+def squared_distance(difference: Array, covariance: Array) -> Array:
+    """Squared Mahalanobis distances ``(...)`` of differences ``(..., 2)`` with covariances ``(..., 2, 2)``."""
     x, y = difference[..., 0], difference[..., 1]
-    distance = (
-        total[..., 1, 1] * x * x - 2.0 * total[..., 0, 1] * x * y + total[..., 0, 0] * y * y
-    ) / determinant
-    return distance, distance + np.log(determinant)
+    xx, xy, yy = covariance[..., 0, 0], covariance[..., 0, 1], covariance[..., 1, 1]
+    distance: Array = (yy * x * x - 2.0 * xy * x * y + xx * y * y) / determinant(covariance)
+    return distance
+
+
+def determinant(matrix: Array) -> Array:
+    """Determinants ``(...)`` of ``(..., 2, 2)``, positive even where rounding says otherwise."""
+    xx, xy, yy = matrix[..., 0, 0], matrix[..., 0, 1], matrix[..., 1, 1]
+    out: Array = np.maximum(xx * yy - xy * xy, _SMALLEST_DETERMINANT)
+    return out
 
 
 def nearest_neighbour(
@@ -118,100 +128,3 @@ def _judge(
     rows = rows[telling[rows, pairing[rows]]]
     out[rows] = pairing[rows]
     return out
-
-
-def joint_compatibility(
-    z: Array, predicted: Array, joint: Array, noise: Array, gates: Gates, density: float = 0.0
-) -> Indices:
-    """The largest set of pairings that are compatible all together, and of those the nearest; ``(M,)`` as above.
-
-    Joint compatibility branch and bound: Neira and Tardós 2001, "Data association in stochastic mapping using the
-    joint compatibility test", algorithm 2. Pairings that each pass the gate but contradict each other given how
-    their predictions hang together (all shifted by one wrong pose) are told apart. What is clear is decided as by
-    `nearest_neighbour`.
-
-    Args:
-        z: ``(M, 2)`` sightings at one moment.
-        predicted: ``(L, 2)``.
-        joint: ``(2 L, 2 L)`` joint covariance of the predictions.
-        noise: ``(M, 2, 2)`` covariance of each sighting.
-        gates: see `Gates`; the joint gate has the same probability.
-        density: landmarks a square metre.
-    """
-    if len(z) == 0 or len(predicted) == 0:
-        return np.full(len(z), NEW)
-    blocks = joint.reshape(len(predicted), 2, len(predicted), 2)
-    own = np.einsum("iajb->ijab", blocks)[np.arange(len(predicted)), np.arange(len(predicted))]
-    distance, likelihood = compatibility(z, predicted, own, noise)
-    search = _Search(z, predicted, joint, noise, distance, gates)
-    search.descend([], 0)
-    return _judge(np.array(search.best), search.margins(), distance, likelihood, gates, density)
-
-
-class _Search:
-    """Depth-first search over pairings, one sighting a level; `best` is the best complete one so far."""
-
-    def __init__(
-        self, z: Array, predicted: Array, joint: Array, noise: Array, distance: Array, gates: Gates
-    ) -> None:
-        self.z, self.predicted, self.joint, self.noise = z, predicted, joint, noise
-        self.candidates = [
-            [int(j) for j in np.argsort(row, kind="stable") if row[j] <= gates.limit_known] for row in distance
-        ]
-        self.limits = [0.0, *(chi_square_limit(gates.known, 2 * k) for k in range(1, len(z) + 1))]
-        self.best: list[int] = []
-        self.best_rank = (-1, 0.0)
-        self.tried = 0
-
-    def descend(self, chosen: list[int], pairs: int, distance: float = 0.0) -> None:
-        level = len(chosen)
-        if level == len(self.z):
-            if (pairs, -distance) > self.best_rank:
-                self.best, self.best_rank = list(chosen), (pairs, -distance)
-            return
-        for landmark in self.candidates[level]:
-            if landmark in chosen:
-                continue
-            if self.tried >= _MOST_TRIED and self.best:
-                return
-            self.tried += 1
-            total = self._distance([*chosen, landmark])
-            if total <= self.limits[pairs + 1] and self._may_win(level + 1, pairs + 1):
-                self.descend([*chosen, landmark], pairs + 1, total)
-        if self._may_win(level + 1, pairs):
-            self.descend([*chosen, NEW], pairs, distance)
-
-    def _may_win(self, level: int, pairs: int) -> bool:
-        """Whether so many pairs, and all that may still follow, can reach the best."""
-        return pairs + len(self.z) - level >= self.best_rank[0]
-
-    def margins(self) -> Array:
-        """How much likelier ``(M,)`` (in ``-2 log``) each best pair is than its best rival, given all other pairs."""
-        out = np.full(len(self.z), np.inf)
-        for row, landmark in enumerate(self.best):
-            rivals = [j for j in self.candidates[row] if j not in self.best] if landmark >= 0 else []
-            for rival in rivals:
-                other = self._likelihood([*self.best[:row], rival, *self.best[row + 1 :]])
-                out[row] = min(out[row], other - self._likelihood(self.best))
-        return out
-
-    def _likelihood(self, chosen: list[int]) -> float:
-        """``-2 log`` likelihood of the pairs chosen, up to a constant."""
-        covariance, difference = self._joint(chosen)
-        _, determinant = np.linalg.slogdet(covariance)
-        return float(difference @ np.linalg.solve(covariance, difference) + determinant)
-
-    def _distance(self, chosen: list[int]) -> float:
-        """Squared joint Mahalanobis distance of the pairs chosen."""
-        covariance, difference = self._joint(chosen)
-        return float(difference @ np.linalg.solve(covariance, difference))
-
-    def _joint(self, chosen: list[int]) -> tuple[Array, Array]:
-        """Covariance ``(2 k, 2 k)`` and value ``(2 k,)`` of the differences of the pairs chosen."""
-        rows = [row for row, landmark in enumerate(chosen) if landmark >= 0]
-        landmarks = [chosen[row] for row in rows]
-        scalars = (2 * np.array(landmarks)[:, None] + np.arange(2)).reshape(-1)
-        covariance = self.joint[np.ix_(scalars, scalars)].copy()
-        for place, row in enumerate(rows):
-            covariance[2 * place : 2 * place + 2, 2 * place : 2 * place + 2] += self.noise[row]
-        return covariance, (self.z[rows] - self.predicted[landmarks]).reshape(-1)

@@ -7,18 +7,27 @@ that is found there adds evidence (joint compatibility as in Neira & Tardós 200
 
 from __future__ import annotations
 
+import logging
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from clew.place.association import chi_square_limit
+from clew.place.association import chi_square_limit, determinant, squared_distance
+from clew.place.conditioned import Conditioned
 
 Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
 Flags = NDArray[np.bool_]
 
+_LOG = logging.getLogger(__name__)
+
 _MOST_SEEDS = 60  # pairs from which a set is grown, the likeliest first
+_MOST_PAIRS = 100  # of a set; the rest is found once it has moved the map
+_MOST_WORK = 2_000_000  # pairs that are looked at in growing sets, each as often as a pair was added
+_MOST_UNCLEAR = 20  # pairs in a row that others contradict, after which a set is not grown further
+_HOPELESS = 4.0  # times the gate: pairs so far off, given those of the set, will hardly come back into it
 _JITTER = 1e-9  # square metres; keeps exactly equal landmarks from dividing by zero
 
 
@@ -39,6 +48,7 @@ class JoinOptions:
 
 @dataclass(frozen=True)
 class _Hypothesis:
+    rows: tuple[int, ...]  # of the candidates
     pairs: tuple[tuple[int, int], ...]
     evidence: float
 
@@ -76,21 +86,24 @@ def join_landmarks(
     """
     options = options or JoinOptions()
     gate = chi_square_limit(options.probability, 2)
-    first, second, evidence = _evidence(points, covariance, apart, density, gate)
-    # what is in no pair plays no part
-    some = np.unique(np.concatenate([first, second]))
-    first, second = np.searchsorted(some, first), np.searchsorted(some, second)
-    scalars = (2 * some[:, None] + np.arange(2)).reshape(-1)
-    points, covariance, apart = points[some], covariance[np.ix_(scalars, scalars)], apart[np.ix_(some, some)]
-    hypotheses: list[_Hypothesis] = []
-    tried: set[tuple[int, int]] = set()
-    for seed in np.argsort(-evidence, kind="stable")[:_MOST_SEEDS].tolist():
-        pair = (int(first[seed]), int(second[seed]))
-        if pair not in tried:
-            grown = _grow(pair, float(evidence[seed]), points, covariance, apart, density, gate)
-            tried.update(grown.pairs)
-            hypotheses.append(grown)
+    pairs = _candidates(points, covariance, apart, gate)
+    if not len(pairs.first):
+        return []
+    evidence = pairs.evidence(pairs.difference, pairs.own, density)
     least, margin = np.log(options.odds), np.log(options.rival_odds)
+    hypotheses: list[_Hypothesis] = []
+    tried: set[int] = set()
+    work = 0
+    for seed in np.argsort(-evidence, kind="stable")[:_MOST_SEEDS].tolist():
+        if work > _MOST_WORK:
+            _LOG.info("joining landmarks: rivals of a set of %d pairs among %d were not all looked for",
+                      len(hypotheses[0].rows), len(evidence))  # fmt: skip
+            break
+        if seed not in tried:
+            grown = _grow(seed, float(evidence[seed]), pairs, apart, density, gate, margin)
+            tried.update(grown.rows)
+            hypotheses.append(grown)
+            work += len(grown.rows) * len(evidence)
     chosen: list[_Hypothesis] = []
     for h in sorted(hypotheses, key=lambda h: -h.evidence):
         if h.evidence < least:
@@ -99,55 +112,98 @@ def join_landmarks(
         if not any(h.contradicts(o, apart) for o in rivals):
             chosen.append(h)
             break  # the rest is judged again when this has moved the map
-    return [(int(some[a]), int(some[b])) for h in chosen for a, b in h.pairs]
+    return [pair for h in chosen for pair in h.pairs]
 
 
-def _evidence(
-    points: Array, covariance: Array, apart: Flags, density: float, gate: float
-) -> tuple[NDArray[np.int64], NDArray[np.int64], Array]:
-    """Pairs that pass the gate, and how much likelier each is one landmark than two (logarithm)."""
-    first, second = np.nonzero(np.triu(~apart, 1))
+@dataclass(frozen=True, eq=False)
+class _Candidates:
+    """Pairs of landmarks that pass the gate, each difference ``(P, 2)`` with its covariance ``(P, 2, 2)``."""
+
+    first: Indices
+    second: Indices
+    difference: Array
+    own: Array
+    covariance: Array  # of all landmarks
+
+    def cross(self, pair: int, others: Indices) -> Array:
+        """Covariance ``(2, 2 O)`` of the difference of one pair with those of others."""
+        a, b = 2 * self.first[pair], 2 * self.second[pair]
+        rows = (self.covariance[a : a + 2] - self.covariance[b : b + 2]).reshape(2, -1, 2)
+        out: Array = rows[:, self.first[others]] - rows[:, self.second[others]]
+        out[:, others == pair] += _JITTER * np.eye(2)[:, None]
+        return out.reshape(2, -1)
+
+    def evidence(self, difference: Array, own: Array, density: float) -> Array:
+        """How much likelier each pair is one landmark than two (logarithm)."""
+        distance = squared_distance(difference, own)
+        out: Array = -0.5 * (distance + np.log(4.0 * np.pi**2 * determinant(own))) - np.log(density)
+        return out
+
+
+def _candidates(points: Array, covariance: Array, apart: Flags, gate: float) -> _Candidates:
     count = len(points)
     blocks = covariance.reshape(count, 2, count, 2)
+    spread = np.sqrt(np.trace(blocks[np.arange(count), :, np.arange(count)], axis1=1, axis2=2) + _JITTER)
+    # no difference has a larger deviation along any direction than the two together
+    reach = gate * (spread[:, None] + spread) ** 2
+    near = np.sum((points[:, None] - points) ** 2, axis=2) <= reach
+    first, second = np.nonzero(np.triu(near & ~apart, 1))
     cross = blocks[first, :, second]
-    spread = blocks[first, :, first] + blocks[second, :, second] - cross - np.swapaxes(cross, 1, 2)
-    xx, xy, yy = spread[:, 0, 0] + _JITTER, spread[:, 0, 1], spread[:, 1, 1] + _JITTER
-    determinant = np.maximum(xx * yy - xy * xy, _JITTER**2)
-    dx, dy = (points[first] - points[second]).T
-    distance = (yy * dx * dx - 2.0 * xy * dx * dy + xx * dy * dy) / determinant
-    evidence = -0.5 * (distance + np.log(4.0 * np.pi**2 * determinant)) - np.log(density)
-    near = distance <= gate
-    return first[near], second[near], evidence[near]
+    own = blocks[first, :, first] + blocks[second, :, second] - cross - np.swapaxes(cross, 1, 2)
+    own += _JITTER * np.eye(2)
+    difference = points[first] - points[second]
+    kept = squared_distance(difference, own) <= gate
+    return _Candidates(first[kept], second[kept], difference[kept], own[kept], covariance)
 
 
 def _grow(
-    pair: tuple[int, int], evidence: float, points: Array, covariance: Array, apart: Flags, density: float, gate: float
+    seed: int, evidence: float, pairs: _Candidates, apart: Flags, density: float, gate: float, margin: float
 ) -> _Hypothesis:
-    """Take a pair for one, then again and again the likeliest pair, as long as it is likelier one than two."""
-    pairs, total = [pair], evidence
-    points, covariance, apart = points.copy(), covariance.copy(), apart.copy()
-    while True:
-        kept, gone = pairs[-1]
-        points, covariance = _condition(points, covariance, kept, gone)
+    """Take a pair for one, then again and again the likeliest clear pair, as long as it is likelier one than two.
+
+    A pair is clear if no pair that contradicts it is nearly as likely, given those chosen; what is not waits until the
+    set has moved the map.
+    """
+    given = Conditioned(pairs.difference, pairs.own, pairs.cross)
+    rows, total, place = [seed], evidence, seed
+    apart, name = apart.copy(), np.arange(len(apart))  # name: the landmark that each is taken for
+    while len(rows) < _MOST_PAIRS:
+        given.choose(place)
+        kept, gone = name[pairs.first[rows[-1]]], name[pairs.second[rows[-1]]]
+        name[name == gone] = kept
         apart[kept] |= apart[gone]
         apart[:, kept] |= apart[:, gone]
-        apart[gone] = apart[:, gone] = True  # it is the other now
-        first, second, more = _evidence(points, covariance, apart, density, gate)
-        if not len(more) or more.max() <= 0.0:
-            return _Hypothesis(tuple(pairs), total)
-        best = int(more.argmax())
-        pairs.append((int(first[best]), int(second[best])))
-        total += float(more[best])
+        first, second = name[pairs.first[given.rows]], name[pairs.second[given.rows]]
+        distance = squared_distance(given.difference, given.own)
+        open_ = (first != second) & ~apart[first, second]
+        more = np.where(open_ & (distance <= gate), pairs.evidence(given.difference, given.own, density), -np.inf)
+        place = _clearest(more, first, second, apart, margin)
+        if place < 0:
+            break
+        rows.append(int(given.rows[place]))
+        total += float(more[place])
+        still = open_ & (distance <= _HOPELESS * gate)
+        if 2 * still.sum() < len(still):
+            place = int(still[:place].sum())
+            given.drop_all_but(still)
+    named = zip(pairs.first[rows].tolist(), pairs.second[rows].tolist(), strict=True)
+    return _Hypothesis(tuple(rows), tuple(named), total)
 
 
-def _condition(points: Array, covariance: Array, a: int, b: int) -> tuple[Array, Array]:
-    """The Gaussian given that landmarks `a` and `b` are at one place."""
-    at, of = slice(2 * a, 2 * a + 2), slice(2 * b, 2 * b + 2)
-    apart = covariance[:, at] - covariance[:, of]
-    spread = apart[at] - apart[of] + _JITTER * np.eye(2)
-    gain = apart @ np.linalg.inv(spread)
-    moved = points - (gain @ (points[a] - points[b])).reshape(-1, 2)
-    return moved, covariance - gain @ apart.T
+def _clearest(evidence: Array, first: Indices, second: Indices, apart: Flags, margin: float) -> int:
+    """The likeliest pair (of landmarks `first` and `second`) that none that contradicts it comes near; -1 if none."""
+    likely = np.flatnonzero(evidence > 0.0)
+    for place in likely[np.argsort(-evidence[likely], kind="stable")[:_MOST_UNCLEAR]].tolist():
+        a, b = first[place], second[place]
+        rivals = np.flatnonzero(evidence > evidence[place] - margin)
+        f, s = first[rivals], second[rivals]
+        # of a rival that has one landmark in common: the other one, against the partner of the common one
+        shared = ((f == a) & apart[s, b]) | ((s == a) & apart[f, b])
+        shared |= ((f == b) & apart[s, a]) | ((s == b) & apart[f, a])
+        same = ((f == a) & (s == b)) | ((f == b) & (s == a))
+        if not (shared & ~same).any():
+            return int(place)
+    return -1
 
 
 def _partners(hypothesis: _Hypothesis) -> dict[int, set[int]]:

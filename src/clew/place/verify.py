@@ -120,12 +120,13 @@ def verify(
             return replace(closure, verdict=Verdict.AMBIGUOUS, T_target_source=best.T_target_source)
     cloud = SourceClouds.single(merge_surfels(query, options.fine_voxel))
     alignment = replace(alignment, radius_start=options.radius_start, radius_end=options.radius_end)
+    both = np.zeros((1, 2), dtype=np.int32)
     fine = align(
-        submap.index, cloud, np.zeros((1, 2), dtype=np.int32), start[None],
+        submap.index, cloud, both, start[None],
         T_prior=T_predicted[None], prior_information=prior_information[None], options=alignment,
     )  # fmt: skip
     T = fine.T_target_source[0]
-    information = with_new_partners(submap.index, cloud, T, fine.information[0], alignment)
+    information = with_new_partners(submap.index, cloud, both, T[None], fine.information, alignment)[0]
     if slide is not None:
         slide[:2] = se2.matrix(se2.inverse(T))[:2, :2] @ slide[:2]
         weakest = _weakest(information, slide, options.slide_share)

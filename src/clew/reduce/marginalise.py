@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.linalg import block_diag
 
 from clew.errors import InputError
-from clew.graph import Factor, FactorGraph
+from clew.graph import Factor, FactorGraph, Role
 from clew.graph.index import as_keys
 from clew.reduce.blanket import Blanket, eliminate
 from clew.reduce.joint import JointMeasurement
@@ -52,6 +52,7 @@ def marginalise(
     method: str = "tree",
     most_loss: float = np.inf,
     conservative: bool = False,
+    reuse: float = 0.0,
     update: bool = False,
 ) -> Marginalised:
     """Take variables out of a graph, one after the other, and replace their factors by what these said of the others.
@@ -69,6 +70,8 @@ def marginalise(
         method: ``"tree"``, or ``"dense"`` for the exact marginal (which fills up and cannot be written to files).
         most_loss: a variable that would lose more stays, nats.
         conservative: see to it that the trees claim nothing that was not known (they lose more then).
+        reuse: information that may be lost more for each edge of a tree that falls on an older one, nats: put together
+            by `fuse_parallel`, edges stay few however many variables are taken out.
         update: change the graph itself instead of a copy.
 
     Raises:
@@ -87,7 +90,7 @@ def marginalise(
         graph = graph.copy()
     removed, losses, kept = [], [], []
     for key in wanted.tolist():
-        factors, loss = _replacement(graph, key, method, conservative)
+        factors, loss = _replacement(graph, key, method, conservative, reuse)
         if loss > most_loss:
             kept.append(key)
             continue
@@ -99,7 +102,9 @@ def marginalise(
     return Marginalised(graph, np.array(removed, np.int64), np.array(losses), np.array(kept, np.int64))
 
 
-def _replacement(graph: FactorGraph, key: int, method: str, conservative: bool) -> tuple[list[Factor], float]:
+def _replacement(
+    graph: FactorGraph, key: int, method: str, conservative: bool, reuse: float
+) -> tuple[list[Factor], float]:
     """Factors on the neighbours of a variable that stand for its own, and the loss of information."""
     blanket = eliminate(graph, key)
     if len(blanket.keys) + blanket.absolute < 2:  # nothing is tied to anything
@@ -111,8 +116,22 @@ def _replacement(graph: FactorGraph, key: int, method: str, conservative: bool) 
         )
     gaussian = fix_frame(blanket)
     if method == "tree":
-        return nearest_tree(blanket, gaussian, conservative)
+        spared = reuse * _linked(graph, blanket.keys).astype(np.float64) if reuse else None
+        return nearest_tree(blanket, gaussian, conservative, spared)
     return [_joint(blanket, gaussian)], 0.0
+
+
+def _linked(graph: FactorGraph, keys: list[int]) -> NDArray[np.bool_]:
+    """``(k, k)`` which of the variables share an edge of an older tree."""
+    order = np.argsort(keys)
+    ranked = np.asarray(keys)[order]
+    linked = np.zeros((len(keys), len(keys)), dtype=np.bool_)
+    for factor in graph.touching(keys):
+        if factor.role is Role.MARGINAL and len(factor.kinds) == 2:
+            rows = np.minimum(np.searchsorted(ranked, factor.keys), len(keys) - 1)
+            a, b = order[rows[(ranked[rows] == factor.keys).all(axis=1)]].T
+            linked[a, b] = linked[b, a] = True
+    return linked
 
 
 def _joint(blanket: Blanket, gaussian: Gaussian) -> JointMeasurement:

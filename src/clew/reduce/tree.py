@@ -55,7 +55,9 @@ def fix_frame(blanket: Blanket) -> Gaussian:
     return Gaussian(root, covariance, log_determinant, -covariance @ blanket.gradient)
 
 
-def nearest_tree(blanket: Blanket, gaussian: Gaussian, conservative: bool) -> tuple[list[Factor], float]:
+def nearest_tree(
+    blanket: Blanket, gaussian: Gaussian, conservative: bool, spared: NDArray[np.float64] | None = None
+) -> tuple[list[Factor], float]:
     """Factors of the best tree, and its divergence from the blanket's Gaussian, nats.
 
     Args:
@@ -63,9 +65,10 @@ def nearest_tree(blanket: Blanket, gaussian: Gaussian, conservative: bool) -> tu
         gaussian: of `fix_frame`.
         conservative: take back information, from all edges alike, until no combination of the variables is known
             better than it was.
+        spared: ``(k, k)`` nats that may be lost more for the tree to have an edge between two nodes.
     """
     edges = _candidates(blanket, gaussian)
-    chosen = [e.take(rows) for e, rows in zip(edges, _spanning_tree(blanket, gaussian, edges), strict=True)]
+    chosen = [e.take(rows) for e, rows in zip(edges, _spanning_tree(blanket, edges, spared), strict=True)]
     chosen = [e for e in chosen if len(e.log_determinant)]
     loss = 0.5 * (sum(float(e.log_determinant.sum()) for e in chosen) - gaussian.log_determinant)
     informations: list[Array] = [np.asarray(np.linalg.inv(e.covariance)) for e in chosen]
@@ -119,7 +122,7 @@ def _candidates(blanket: Blanket, gaussian: Gaussian) -> list[_Edges]:
     return found
 
 
-def _spanning_tree(blanket: Blanket, gaussian: Gaussian, edges: list[_Edges]) -> list[list[int]]:
+def _spanning_tree(blanket: Blanket, edges: list[_Edges], spared: Array | None) -> list[list[int]]:
     """Rows of each set of edges that make the minimum spanning tree (Kruskal).
 
     Points are leaves, for nothing is seen from them: the poses are joined first, then each point has its best edge.
@@ -131,10 +134,17 @@ def _spanning_tree(blanket: Blanket, gaussian: Gaussian, edges: list[_Edges]) ->
             node = part[node]
         return node
 
+    def weights(e: _Edges) -> list[float]:
+        between = e.relations.a != WORLD
+        weight = e.log_determinant.copy()
+        if spared is not None:  # half the logarithm counts
+            weight[between] -= 2.0 * spared[e.relations.a[between], e.relations.b[between]]
+        return [float(w) for w in weight]
+
     ranked = sorted(
         (not is_pose(e.relations.kind), weight, number, row)
         for number, e in enumerate(edges)
-        for row, weight in enumerate(e.log_determinant.tolist())
+        for row, weight in enumerate(weights(e))
     )
     chosen: list[list[int]] = [[] for _ in edges]
     for _, _, number, row in ranked:

@@ -15,6 +15,7 @@ Array = NDArray[np.float64]
 
 LEAST_SHARE = 1e-6  # of the information that is left in any direction
 TINY = 1e-300
+LEAST_SPREAD = 0.01  # metres; of returns about their mean
 PROBE = 0.08  # metres; beyond the side of a surfel, so that partners change
 LONG = 0.3  # share of the strongest direction's information from which on the weakest one is believed as it is
 LEAST_CURVATURE = 0.01  # share of the information that is left at least
@@ -102,30 +103,58 @@ def align(
     )  # fmt: skip
 
 
-def without_normal_noise(information: Array, variance: float) -> Array:
+def without_normal_noise(information: Array, variance: float, moments: Array | None = None) -> Array:
     """Information ``(..., 3, 3)`` of alignments without what noise of the normals seems to add to it.
 
     Each return adds ``n n^T`` of its normal. A normal that is off by a small angle has a part along the surface, which
     its square counts as information: on average ``variance * t t^T``, ``t`` along the surface. Over a bare corridor of
-    some hundred returns it would seem to tell how far along the robot is.
+    some hundred returns it would seem to tell how far along the robot is, and about a lone round pillar, from which
+    side it is seen.
 
     Args:
         information: in the tangent of the pose.
         variance: of the direction of a normal, radians^2.
+        moments: ``(..., 3)`` of the returns that were moved (`SourceClouds.moments`); without them turns are left as
+            they are.
     """
-    values, vectors = np.linalg.eigh(information[..., :2, :2])
-    others = values[..., ::-1]  # what the other direction holds
-    share = np.clip((values - variance * others) / np.maximum(values, TINY), LEAST_SHARE, 1.0)
-    scale = np.zeros_like(information)
-    scale[..., :2, :2] = (vectors * np.sqrt(share)[..., None, :]) @ np.swapaxes(vectors, -1, -2)
-    scale[..., 2, 2] = 1.0
-    return np.asarray(scale @ information @ scale)
+    if moments is None:
+        scale = np.zeros_like(information)
+        values, vectors = np.linalg.eigh(information[..., :2, :2])
+        root = np.sqrt(_share(values, values[..., ::-1], variance))
+        scale[..., :2, :2] = (vectors * root[..., None, :]) @ np.swapaxes(vectors, -1, -2)
+        scale[..., 2, 2] = 1.0
+        return np.asarray(scale @ information @ scale)
+    # What as many returns would tell that were seen from all sides, about as far from the robot.
+    total = np.zeros_like(information)
+    total[..., 0, 0] = total[..., 1, 1] = 1.0
+    total[..., 0, 2] = total[..., 2, 0] = -moments[..., 1]
+    total[..., 1, 2] = total[..., 2, 1] = moments[..., 0]
+    total[..., 2, 2] = moments[..., 2] + LEAST_SPREAD**2
+    whiten = np.linalg.inv(np.linalg.cholesky(total))
+    values, vectors = np.linalg.eigh(whiten @ information @ np.swapaxes(whiten, -1, -2))
+    values = np.maximum(values, 0.0)
+    returns = information[..., 0, 0] + information[..., 1, 1]
+    along = np.maximum(returns[..., None] - values, 0.0)
+    kept = values * _share(values, along, variance)
+    back = np.linalg.inv(whiten) @ (vectors * np.sqrt(kept)[..., None, :])
+    return np.asarray(back @ np.swapaxes(back, -1, -2))
+
+
+def _share(across: Array, along: Array, variance: float) -> Array:
+    """What is left of information by normals, where returns would hold `along` with normals turned by 90 degrees."""
+    return np.asarray(np.clip((across - variance * along) / np.maximum(across, TINY), LEAST_SHARE, 1.0))
 
 
 def with_new_partners(
-    target: IndexedClouds, source: SourceClouds, T_target_source: Array, information: Array, options: AlignmentOptions
+    targets: IndexedClouds,
+    sources: SourceClouds,
+    pairs: NDArray[np.int32],
+    T_target_source: Array,
+    information: Array,
+    options: AlignmentOptions,
+    threads: int = 1,
 ) -> Array:
-    """Information ``(3, 3)`` of one alignment without what holds only while its partners stay the same.
+    """Information ``(P, 3, 3)`` of alignments without what holds only while their partners stay the same.
 
     Along a corridor with a few shallow edges, each smeared over some centimetres in the map, returns that slide find
     others to lie on: the error hardly grows, though each pair of partners seems to hold the pose. Instead of the
@@ -133,24 +162,33 @@ def with_new_partners(
     on both sides of the pose, where it is less.
 
     Args:
-        target, source: one cloud each.
-        T_target_source: ``(3,)`` where the alignment ended.
-        information: ``(3, 3)`` that it had there.
-        options: of the alignment.
+        targets, sources, pairs: as in `align`.
+        T_target_source: ``(P, 3)`` where the alignments ended.
+        information: ``(P, 3, 3)`` that they had there.
+        options: of the alignments.
+        threads: how many share the pairs.
     """
-    values, vectors = np.linalg.eigh(information[:2, :2])
-    if values[0] > LONG * values[1]:
-        return information
-    weakest = np.append(vectors[:, 0], 0.0)
-    ends = se2.compose(T_target_source, PROBE * np.stack([weakest, -weakest]))
+    values, vectors = np.linalg.eigh(information[:, :2, :2])
+    weak = np.flatnonzero(values[:, 0] <= LONG * values[:, 1])
+    out = np.array(information, dtype=np.float64)
+    if not len(weak):
+        return out
+    values, vectors = values[weak], vectors[weak]
+    weakest = np.concatenate([vectors[:, :, 0], np.zeros((len(weak), 1))], axis=1)
+    sides = PROBE * np.stack([weakest, -weakest], axis=1)
     at_ends = align(
-        target, source, np.zeros((2, 2), dtype=np.int32), ends,
-        prior_information=np.tile(PINNED * np.eye(3), (2, 1, 1)),
-        options=replace(options, radius_start=options.radius_end, iterations=1),
+        targets, sources, np.repeat(pairs[weak], 2, axis=0),
+        se2.compose(T_target_source[weak, None], sides).reshape(-1, 3),
+        prior_information=np.broadcast_to(PINNED * np.eye(3), (2 * len(weak), 3, 3)),
+        options=replace(options, radius_start=options.radius_end, iterations=1), threads=threads,
     )  # fmt: skip
-    gradients = -np.einsum("nij,nj->ni", at_ends.information, at_ends.step)
-    curvature = float((gradients[0] - gradients[1]) @ weakest) / (2.0 * PROBE)
-    share = np.clip(curvature / max(float(values[0]), TINY), LEAST_CURVATURE, 1.0)
-    scale = np.eye(3)
-    scale[:2, :2] = (vectors * np.sqrt([share, 1.0])) @ vectors.T
-    return np.asarray(scale @ information @ scale)
+    gradients = -np.einsum("nij,nj->ni", at_ends.information, at_ends.step).reshape(-1, 2, 3)
+    curvature = np.einsum("ni,ni->n", gradients[:, 0] - gradients[:, 1], weakest) / (2.0 * PROBE)
+    share = np.clip(curvature / np.maximum(values[:, 0], TINY), LEAST_CURVATURE, 1.0)
+    scale = np.zeros((len(weak), 3, 3))
+    scale[:, :2, :2] = (vectors * np.sqrt(np.stack([share, np.ones_like(share)], axis=1))[:, None]) @ np.swapaxes(
+        vectors, 1, 2
+    )
+    scale[:, 2, 2] = 1.0
+    out[weak] = scale @ information[weak] @ scale
+    return out

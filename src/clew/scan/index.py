@@ -52,6 +52,13 @@ class SourceClouds:
         """A batch of one cloud."""
         return SourceClouds(cloud, np.array([0, len(cloud)], dtype=np.int64))
 
+    def moments(self) -> Array:
+        """Weighted means ``(C, 3)`` of x, y and the squared distance of each cloud's points, metres; zero of none."""
+        w, (x, y) = self.cloud.weights, self.cloud.points.T
+        sums = np.concatenate([np.zeros((1, 4)), np.cumsum(np.stack([w, w * x, w * y, w * (x**2 + y**2)], 1), axis=0)])
+        total = np.diff(sums[self.offsets], axis=0)
+        return np.asarray(total[:, 1:] / np.maximum(total[:, :1], 1e-12))
+
 
 def index_cloud(cloud: ScanPoints) -> IndexedClouds:
     """One cloud with its index."""

@@ -123,9 +123,9 @@ class ScanMatcher:
     ) -> tuple[Array, Array, Array] | None:
         """Pose by returns and prediction, pose by the returns alone, and their information; None without overlap."""
         worth = self._sensor.return_information(self._config.tracking.information_scale)
-        source = SourceClouds.single(points)
+        source, pair = SourceClouds.single(points), np.zeros((1, 2), dtype=np.int32)
         fine = align(
-            local_map.index, source, np.zeros((1, 2), dtype=np.int32), start[None],
+            local_map.index, source, pair, start[None],
             T_prior=predicted[None], prior_information=prior_information[None] / worth,
             options=self._sensor.alignment,
         )  # fmt: skip
@@ -133,9 +133,11 @@ class ScanMatcher:
         if fine.overlap[0] < self._config.tracking.overlap:
             return None
         self._sensor.matched(float(fine.rms[0]))
-        held = with_new_partners(local_map.index, source, pose, fine.information[0], self._sensor.alignment)
-        information = without_normal_noise(worth * held, self._sensor.normal_variance)
-        return pose, se2.compose(pose, fine.step[0]), information
+        held = with_new_partners(
+            local_map.index, source, pair, fine.T_target_source, fine.information, self._sensor.alignment
+        )
+        clean = without_normal_noise(worth * held, self._sensor.normal_variance, source.moments())
+        return pose, se2.compose(pose, fine.step[0]), clean[0]
 
     @staticmethod
     def _slip(predicted: Array, T_returns: Array, prior: Array, information: Array) -> float:

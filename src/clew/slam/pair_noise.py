@@ -44,8 +44,8 @@ def pair_variance(error: Array, information: Array, keyframes: int) -> float:
         information: ``(P, 3, 3)`` of the returns of each pair.
         keyframes: how many poses these residuals have been used for.
     """
-    values, vectors = np.linalg.eigh(information)
-    squares = (np.einsum("pij,pi->pj", vectors, error) ** 2 * values)[:, 1:]
+    values, vectors, unit = _directions(information)
+    squares = (np.einsum("pij,pi->pj", vectors, error / unit) ** 2 * values)[:, 1:]
     variance = float(squares.mean())
     for _ in range(ROUNDS):
         variance = float(bounded(squares, max(variance, TINY)).mean())
@@ -63,10 +63,18 @@ def with_variance(information: Array, variance: float) -> Array:
     rough surfaces, is alike in all pairs and does not show in their residuals.
     """
     gain = BOTH_SCANS / variance
-    values, vectors = np.linalg.eigh(information[:, :2, :2])
-    follows = np.clip(values[:, 0] / np.maximum(CONDITIONED * values[:, 1], TINY), 0.0, 1.0)
-    gains = np.stack([1.0 + (gain - 1.0) * follows, np.full_like(follows, gain)], axis=1)
-    scale = np.zeros_like(information)
-    scale[:, :2, :2] = (vectors * np.sqrt(gains)[:, None, :]) @ np.swapaxes(vectors, 1, 2)
-    scale[:, 2, 2] = np.sqrt(gain)
-    return np.asarray(scale @ information @ scale)
+    values, vectors, unit = _directions(information)
+    follows = np.clip(values / np.maximum(CONDITIONED * values[:, 2:], TINY), 0.0, 1.0)
+    gains = 1.0 + (gain - 1.0) * follows
+    root = (vectors * np.sqrt(gains * values)[:, None, :]) / unit[:, :, None]
+    return np.asarray(root @ np.swapaxes(root, 1, 2))
+
+
+def _directions(information: Array) -> tuple[Array, Array, Array]:
+    """Eigenvalues ``(P, 3)``, rising, and eigenvectors ``(P, 3, 3)`` of information in units ``(P, 3)`` that make
+    rotation as well known as the translation that is known best: a lone pillar leaves a turn about it open."""
+    best = np.linalg.eigvalsh(information[:, :2, :2])[:, 1]
+    unit = np.ones((len(information), 3))
+    unit[:, 2] = np.sqrt(np.maximum(best, TINY) / np.maximum(information[:, 2, 2], TINY))
+    values, vectors = np.linalg.eigh(information * unit[:, :, None] * unit[:, None, :])
+    return np.maximum(values, 0.0), vectors, unit

@@ -22,6 +22,7 @@ Index = NDArray[np.int64]
 
 LEAST_INFORMATION = np.diag([1e-3, 1e-3, 1e-3])  # of any edge, so that none leaves a direction open
 FACTORISE_AFTER = 10  # keyframes; until then uncertainty is carried on along the odometry edges
+REUSE = 1.5  # nats; so much more may be lost for each edge that pruning need not add
 CELL = 4.0  # metres; of the index of keyframes
 TO_THE_END = 1e-10  # relative change of the cost that ends a solve,
 ON_THE_WAY = 1e-5  # and while more is to come
@@ -110,12 +111,17 @@ class PoseGraph:
         Returns:
             What was lost, nats, or None: it would have been more, and the keyframe stays.
         """
-        found = marginalise(self.graph, key, most_loss=most_loss, update=True)
+        found = marginalise(self.graph, key, most_loss=most_loss, reuse=REUSE, update=True)
         if len(found.kept):
             return None
         self._attachments.add(key, on, T_on_this, information)
         self.near.remove(np.array([key]))
         return found.information_loss
+
+    def degrees(self) -> Index:
+        """``(K,)`` edges that each keyframe has."""
+        keys = [block.keys.ravel() for block in self.graph.blocks()]
+        return np.bincount(np.concatenate([*keys, np.empty(0, np.int64)]), minlength=len(self))
 
     def tidy(self) -> None:
         """Put parallel edges that pruning left together."""

@@ -67,8 +67,11 @@ class Pruner:
         comers, self._judged = self._keyframes.between(self._judged, ripe), ripe
         gone: list[int] = []
         lost = 0.0
+        degrees = self._graph.degrees()
         for comer in comers.tolist():
-            for candidate in self._redundant(comer, ripe, needed)[: options.candidates]:
+            redundant = self._redundant(comer, ripe, needed)[: options.candidates]
+            # What hangs on few others loses little, and leaves few edges behind.
+            for candidate in sorted(redundant, key=degrees.__getitem__):
                 attached = self._attach(candidate, ripe)
                 if attached is None:
                     continue

@@ -8,7 +8,7 @@ other tells what they are worth (`clew.slam.pair_noise`).
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -19,9 +19,8 @@ from clew.factors import Between
 from clew.geometry import SE2, se2
 from clew.graph import FactorGraph, Role
 from clew.noise import Cauchy
-from clew.scan import IndexedClouds, align, index_cloud, join, without_normal_noise
+from clew.scan import IndexedClouds, ScanPoints, align, index_cloud, join, with_new_partners, without_normal_noise
 from clew.slam.config import SlamConfig
-from clew.slam.keyframes import KeyframeStore
 from clew.slam.pair_noise import pair_variance, returns_once, with_variance
 from clew.slam.pose_graph import LEAST_INFORMATION
 from clew.slam.sensor import SensorModel
@@ -37,6 +36,7 @@ KERNEL = 3.0
 #: Radians; normals at jambs and corners are off by so much, and alike in all scans that see them. Along a corridor they
 #: are what a pair of single scans has to go by, and what it makes of them does not average out over many pairs.
 BENT_ENDS = 0.25
+LEVER = 5.0  # metres; a turn of a radian counts as so much
 PAIRS_AT_ONCE = 2000  # whose returns are laid out together: memory of the alignment does not grow with the map
 
 
@@ -102,7 +102,8 @@ def overlapping_pairs(poses: Array, radius: float, neighbours: int, numbers: Ind
 
 
 def refine(
-    keyframes: KeyframeStore,
+    clouds: Sequence[ScanPoints],
+    numbers: Index,
     graph: FactorGraph,
     config: SlamConfig,
     sensor: SensorModel,
@@ -114,7 +115,8 @@ def refine(
     The edges that it has stay: odometry and closures know what single scans do not, along a bare corridor above all.
 
     Args:
-        keyframes: all keyframes that have not been dropped.
+        clouds: returns of ``K`` keyframes, each in its robot's frame.
+        numbers: ``(K,)`` their numbers, rising.
         graph: odometry and closures; keys are the numbers of the keyframes, values are where to begin. Left as it is.
         config: `SlamConfig.refinement` and `threads` are used.
         sensor: how returns are weighted.
@@ -124,17 +126,18 @@ def refine(
     options = config.refinement
     if progress is not None:
         progress(0, options.rounds)
-    numbers = keyframes.alive
-    clouds = [index_cloud(cloud) for cloud in keyframes.clouds(numbers)]
+    indexed = [index_cloud(cloud) for cloud in clouds]
     graph = graph.copy()
     poses = np.asarray(graph.values(numbers).array)
-    added: NDArray[np.int64] | None = None
+    steps, placed = _steps(graph)
     variance = 1.0
     for round_ in range(options.rounds):
-        aligned = _align_pairs(clouds, numbers, poses, round_, config, sensor)
-        if added is not None:
-            graph.remove(added)
-        added = None if aligned is None else np.atleast_1d(np.asarray(graph.add(aligned.factor(numbers, variance))))
+        aligned = _align_pairs(indexed, numbers, poses, round_, config, sensor)
+        graph.remove(placed)
+        weighed = [_weighed(step, variance) for step in steps]
+        if aligned is not None:
+            weighed.append(aligned.factor(numbers, variance))
+        placed = np.concatenate([np.atleast_1d(np.asarray(graph.add(factor))) for factor in weighed])
         optimize(graph, init="file", update=True)
         moved_to = np.asarray(graph.values(numbers).array)
         if aligned is not None:
@@ -146,6 +149,27 @@ def refine(
         if (movement < options.movement and round_ + 1 >= len(RADII)) or (stop is not None and stop()):
             break
     return graph
+
+
+def _steps(graph: FactorGraph) -> tuple[list[Between], NDArray[np.int64]]:
+    """The edges that the front end made, and what was left of them when keyframes were pruned, with their ids.
+
+    They rest on returns as the pairs do, and are worth more or less as these are.
+    """
+    steps, ids = [], [np.zeros(0, dtype=np.int64)]
+    for role in (Role.ODOMETRY, Role.MARGINAL):
+        for block, numbers in zip(graph.blocks(role), graph.block_ids(role), strict=True):
+            if isinstance(block, Between):
+                steps.append(block)
+                ids.append(np.asarray(numbers))
+    return steps, np.concatenate(ids)
+
+
+def _weighed(step: Between, variance: float) -> Between:
+    return Between(
+        step.keys[:, 0], step.keys[:, 1], SE2.from_array(step.measurement),
+        information=with_variance(step.information, variance), role=step.role, kernel=step.kernel,
+    )  # fmt: skip
 
 
 def _align_pairs(
@@ -165,9 +189,10 @@ def _align_pairs(
     good = overlap >= options.overlap
     if not good.any():
         return None
-    of_returns = without_normal_noise(returns[good], sensor.normal_variance + BENT_ENDS**2)
+    moments = np.concatenate([cloud.as_sources().moments() for cloud in clouds])[pairs[good, 1]]
+    of_returns = without_normal_noise(returns[good], sensor.normal_variance + BENT_ENDS**2, moments)
     worth = sensor.return_information(options.information_scale)
-    return _Pairs(pairs[good], T[good], worth * of_returns, returns_once(pairs, len(numbers))[good])
+    return _Pairs(pairs[good], T[good], worth * of_returns, returns_once(pairs[good], len(numbers)))
 
 
 def _align_part(
@@ -178,10 +203,16 @@ def _align_part(
     start, end = RADII[min(round_, len(RADII) - 1)]
     rows, local = np.unique(pairs, return_inverse=True)
     batch = join([clouds[row] for row in rows])
+    rows_of_batch = np.asarray(local.reshape(-1, 2), dtype=np.int32)
+    options = replace(sensor.alignment, radius_start=start, radius_end=end)
     fine = align(
-        batch, batch.as_sources(), np.asarray(local.reshape(-1, 2), dtype=np.int32),
-        se2.between(poses[pairs[:, 0]], poses[pairs[:, 1]]),
-        prior_information=np.broadcast_to(WEAK_PRIOR, (len(pairs), 3, 3)),
-        options=replace(sensor.alignment, radius_start=start, radius_end=end), threads=config.threads,
+        batch, batch.as_sources(), rows_of_batch, se2.between(poses[pairs[:, 0]], poses[pairs[:, 1]]),
+        prior_information=np.broadcast_to(WEAK_PRIOR, (len(pairs), 3, 3)), options=options, threads=config.threads,
     )  # fmt: skip
-    return fine.T_target_source, fine.overlap, fine.information
+    held = with_new_partners(
+        batch, batch.as_sources(), rows_of_batch, fine.T_target_source, fine.information, options, config.threads
+    )
+    # The pose of the returns alone, not the one that the prior holds back: it would confirm where the pair is now.
+    size = np.hypot(np.hypot(fine.step[:, 0], fine.step[:, 1]), LEVER * fine.step[:, 2])
+    step = fine.step * np.minimum(1.0, end / np.maximum(size, 1e-12))[:, None]
+    return se2.compose(fine.T_target_source, se2.exp(step)), fine.overlap, held

@@ -80,6 +80,10 @@ class ScanStore:
         """``(N, 3)`` by odometry alone, or ``(0, 3)`` without it."""
         return self._T_odom_robot.rows
 
+    def of_keyframe(self, keyframe: int) -> LaserScan:
+        """The scan that became a keyframe."""
+        return self._kept[keyframe][0][1]
+
     def kept(self) -> tuple[Index, list[LaserScan]]:
         """Numbers ``(S,)`` and scans that the map is made of, in the order of time."""
         pairs = [pair for key in sorted(self._kept) for pair in self._kept[key]]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +14,7 @@ from clew.graph import FactorGraph
 from clew.mapping import OccupancyGrid, build_occupancy_grid, moving_returns
 from clew.motion import Odometry, OdometryBuffer
 from clew.place import Closure
-from clew.scan import LaserScan
+from clew.scan import LaserScan, ScanPoints, extract_points
 from clew.slam.config import SlamConfig
 from clew.slam.keyframes import KeyframeStore
 from clew.slam.loop_closing import LoopCloser
@@ -168,9 +168,23 @@ class Slam:
         if len(self._keyframes) < 2:
             return
         self.optimise()
-        self._refined = refine(self._keyframes, self._pose_graph.graph, self.config, self._sensor, progress, stop)
+        self._refined = refine(
+            self._still_returns(), self._keyframes.alive, self._pose_graph.graph, self.config, self._sensor, progress,
+            stop,
+        )  # fmt: skip
         self._pose_graph.set_poses(np.asarray(self._refined.values(SE2).array))
         self._viewer.moved(self)
+
+    def _still_returns(self) -> list[ScanPoints]:
+        """Returns of each keyframe without those from things that moved, by what all of them saw of their places."""
+        numbers = self._keyframes.alive
+        scans = [self._scans.of_keyframe(int(k)) for k in numbers]
+        clouds = self._keyframes.clouds(numbers)
+        for row, moved in enumerate(moving_returns(scans, self._pose_graph.poses[numbers])):
+            if moved.any():
+                scan = replace(scans[row], ranges=np.where(moved, np.nan, scans[row].ranges).astype(np.float64))
+                clouds[row] = extract_points(scan, self.config.cleaning)
+        return clouds
 
     # --- answers out ------------------------------------------------------------------------------------------------
 

@@ -175,8 +175,8 @@ def _judge(
 
 def _unseen(seen: Array, space: Index) -> NDArray[np.bool_]:
     """Parts for which the matrix of seen motions is rank deficient; in most graphs nothing is seen at all."""
-    some = seen.any(axis=(1, 2))
-    lost: NDArray[np.bool_] = ~some
+    some: NDArray[np.bool_] = np.any(seen, axis=(1, 2))
+    lost = np.logical_not(some)
     for dim, gauge in ((2, 3), (3, 6)):
         mine = np.flatnonzero(some & (space == dim))
         if len(mine):

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from clew.geometry import SE2, SE3
 from clew.noise import Kernel
+from clew.solve.joint import joint_guess
 from clew.solve.landmarks import place_landmarks
 from clew.solve.problem import Problem, Values
 from clew.solve.relations import Relations, relations
@@ -31,9 +32,9 @@ def initial_guess(problem: Problem, current: Values, init: str, robust: Kernel |
     Args:
         problem: the compiled graph.
         current: values that the graph has.
-        init: "file", "tree", "rotation", "sequential", or "auto" for the one of lowest cost. The sequential
+        init: "file", "tree", "rotation", "joint", "sequential", or "auto" for the one of lowest cost. The sequential
             guess costs as much as some solves; "auto" tries it where there are landmarks and the others are
-            poor.
+            poor. It leaves the joint guess to the second try.
         robust: kernel that the cost is taken with.
     """
     if init == "file" or not problem.pattern.dim:
@@ -42,10 +43,12 @@ def initial_guess(problem: Problem, current: Values, init: str, robust: Kernel |
     guesses: dict[str, Callable[[Relations], Array | None]] = {
         "tree": lambda r: tree_guess(r, robust is not None),
         "rotation": lambda r: rotation_guess(problem, r),
+        "joint": lambda r: joint_guess(problem, r),
     }
+    wanted = ("tree", "rotation") if init == "auto" else (init,)
     candidates = []
     for name, guess in guesses.items():
-        poses = [guess(r) for r in found] if init in (name, "auto") else []
+        poses = [guess(r) for r in found] if name in wanted else []
         if poses and all(p is not None for p in poses):
             values = list(current)
             for relation, array in zip(found, poses, strict=True):

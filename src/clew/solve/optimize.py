@@ -25,7 +25,7 @@ METHODS: dict[str, type[Search]] = {
     "gauss-newton": GaussNewton,
     "dogleg": Dogleg,
 }
-GUESSES = ("auto", "file", "tree", "rotation", "sequential")
+GUESSES = ("auto", "file", "tree", "rotation", "joint", "sequential")
 
 # What was compiled last for a graph, as long as its structure and the options of the analysis stand.
 _compiled: weakref.WeakKeyDictionary[FactorGraph, tuple[tuple[int, str, int], Problem, Gauge]]
@@ -65,10 +65,11 @@ def optimize(
         graph: variables and factors; its values are left alone unless `update` is set.
         method: "levenberg-marquardt", "gauss-newton" or "dogleg".
         init: initial guess. "file" takes the graph's current values, "tree" composes measurements along a
-            spanning tree, "rotation" solves for the rotations first and then for the translations, "sequential"
+            spanning tree, "rotation" solves for the rotations first and then for the translations, "joint" finds
+            rotations and translations at once (for rotations measured much worse than translations), "sequential"
             lets the graph grow from its first pose and corrects the poses batch by batch (for landmarks that are
             seen again late), "auto" takes the one of them with the lowest cost; where the fit that the default
-            method ends with is poor, it also solves from the sequential guess, by the dogleg.
+            method ends with is poor, it also solves from the joint and the sequential guess, by the dogleg.
         robust: kernel of all factors without one of their own, priors excepted.
         max_iterations: limit on the steps tried.
         cost_tolerance: relative decrease of the cost that is not worth another iteration.

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from clew.factors import Between, PointObservation
-from clew.slam.landmarks.noise import expected_squares
+from clew.slam.landmarks.linearised import expected_squares
 from clew.solve import Solution
 
 Array = NDArray[np.float64]
@@ -57,10 +57,15 @@ class VarianceComponents:
         corrected: Array = information * scale[:, None] * scale
         return corrected
 
-    def updated(self, solution: Solution, motions: Between, sightings: PointObservation) -> VarianceComponents:
-        """Components that fit the residuals of a solution, whose factors were weighted with these components."""
-        weighed, redundancy = _squares(solution, motions)
-        seen, seen_redundancy = _squares(solution, sightings)
+    def updated(
+        self, solution: Solution, motions: Between, sightings: PointObservation, squares: tuple[Array, Array]
+    ) -> VarianceComponents:
+        """Components that fit the residuals of a solution, whose factors were weighted with these components.
+
+        `squares` are the `expected_squares` of the sightings.
+        """
+        weighed, redundancy = _squares(motions, *expected_squares(solution, motions))
+        seen, seen_redundancy = _squares(sightings, *squares)
         return VarianceComponents(
             _estimate(self.translation, weighed[:2].sum(), redundancy[:2].sum()),
             _estimate(self.rotation, weighed[2], redundancy[2]),
@@ -73,9 +78,8 @@ def inverted(information: Array) -> Array:
     return np.asarray(np.linalg.inv(information), np.float64)
 
 
-def _squares(solution: Solution, factor: Between | PointObservation) -> tuple[Array, Array]:
+def _squares(factor: Between | PointObservation, error: Array, expected: Array) -> tuple[Array, Array]:
     """Weighted squared residuals and redundancy of each dimension ``(d,)``, summed over the factor."""
-    error, expected = expected_squares(solution, factor)
     weighed = (np.einsum("nij,nj->ni", factor.information, error) * error).sum(axis=0)
     uncertain = expected - error[:, :, None] * error[:, None, :]
     absorbed = np.einsum("nij,nji->i", factor.information, uncertain)

@@ -13,6 +13,7 @@ from clew.evaluate import align
 from clew.geometry import SE2, Point2, se2, so2
 from clew.graph import FactorGraph
 from clew.io import SightingLog
+from clew.linalg import FactorStatus
 from clew.slam.landmarks.graph import build_graph
 from clew.slam.landmarks.model import SCALE_UNCERTAINTY, SensorModel
 from clew.slam.landmarks.noise import reestimate
@@ -28,8 +29,8 @@ Indices = NDArray[np.int64]
 Progress = Callable[[str, int, int], None]
 
 _ROUNDS = 15
-_ROUNDS_BEFORE = 5  # for each robot by itself, where all are solved as one after that
-_ROUNDS_TOGETHER = 8  # from there on
+_ROUNDS_BEFORE = 6  # for each robot by itself, where all are solved as one after that
+_ROUNDS_TOGETHER = 10  # from there on
 _SETTLED = 0.02  # change of the noise parameters that is not worth another round, as a share
 _FEWEST_COMMON = 3  # landmarks that tell how two robots' maps lie to each other
 
@@ -155,13 +156,19 @@ def _settle(
         progress(done)
         graph, factors = build_graph(tracks, models, poses, landmarks)
         solution = optimize(graph, init="file", max_iterations=40, cost_tolerance=1e-7 if last else 1e-5)
+        if solution.posterior.factor.status is not FactorStatus.OK:
+            names = " and ".join(f"robot {track.log.robot}" for track in tracks)
+            raise InputError(
+                f"{tracks[0].log.path}: what {names} saw does not fit the odometry well enough for a map; look whether "
+                "times are of one clock, ranges in metres, bearings and turn rates in radians"
+            )
         landmarks, poses, found = {}, [], []
         for track, model in zip(tracks, models, strict=True):
             its_poses, its_landmarks, calibration = read_solution(solution, track)
             poses.append(its_poses)
             landmarks.update(its_landmarks)
             found.append(replace(model, calibration=calibration))
-        updated = [reestimate(solution, *each) for each in zip(tracks, factors, found, strict=True)]
+        updated = [reestimate(solution, *each) for each in zip(factors, found, strict=True)]
         change = max(model.change(new) for model, new in zip(models, updated, strict=True))
         if last or change < _SETTLED:
             break

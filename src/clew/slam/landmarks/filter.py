@@ -47,12 +47,12 @@ class LandmarkFilter:
         predicted, by_pose, turn = self._view(rows)
         scalars = (3 + 2 * rows[:, None] + np.arange(2)).reshape(-1)
         count = len(rows)
-        pose = self.covariance[:3, :3]
-        cross = self.covariance[:3, scalars].reshape(3, count, 2)
-        points = self.covariance[np.ix_(scalars, scalars)].reshape(count, 2, count, 2)
-        mixed = np.einsum("iap,pjb,cb->iajc", by_pose, cross, turn)
-        joint = np.einsum("iap,pq,jbq->iajb", by_pose, pose, by_pose) + mixed + np.einsum("iajc->jcia", mixed)
-        return predicted, joint + np.einsum("ab,ibjd,cd->iajc", turn, points, turn)
+        points = (turn @ self.covariance[np.ix_(scalars, scalars)].reshape(count, 2, 2 * count))
+        jacobian = by_pose.reshape(2 * count, 3)
+        mixed = jacobian @ (self.covariance[:3, scalars].reshape(3, count, 2) @ turn.T).reshape(3, 2 * count)
+        own = jacobian @ self.covariance[:3, :3] @ jacobian.T
+        joint = own + mixed + mixed.T + (points.reshape(2 * count, count, 2) @ turn.T).reshape(2 * count, 2 * count)
+        return predicted, joint.reshape(count, 2, count, 2)
 
     def predict_each(self) -> tuple[Array, Array]:
         """As `predict` for all landmarks, with the covariance ``(L, 2, 2)`` of each by itself."""

@@ -25,6 +25,7 @@ class RobotFactors:
     Attributes:
         motion: between its keyframes.
         drift: of the scales of its odometry about zero.
+        biases: of its views of landmarks about zero, and of those of other robots or None.
         sources: ``(6, S, 3, 3)`` covariance of each motion by source.
         sightings: range and bearing of landmarks.
         mates: range and bearing of other robots, or None.
@@ -32,6 +33,7 @@ class RobotFactors:
 
     motion: Factor
     drift: Factor
+    biases: tuple[Factor, Factor | None]
     sources: Array
     sightings: tuple[CalibratedRange, CalibratedBearing]
     mates: tuple[CalibratedRange, CalibratedBearing] | None
@@ -63,18 +65,27 @@ def build_graph(
         drawn = -model.pull * PRIOR.points**2  # a force is a prior about another place
         graph.add(Prior(keys, Point2.from_array(drawn), sigmas=PRIOR.points))
         motion, sources = track.motion_factor(model)
-        drifting = np.unique(track.drift_keys)
-        none = Point2.from_array(np.zeros((len(drifting), 2)))
-        graph.add_point(none, key=drifting)
-        drift = Prior(drifting, none, sigmas=[model.drift.speed, model.drift.turn])
+        drift = _about_zero(graph, track.drift_keys, (model.drift.speed, model.drift.turn))
         seen, mates = track.log.landmarks, track.log.robots
         sightings = track.sighting_factors(seen, seen.identity, model.landmarks)
-        of_robots = None
+        bias = _about_zero(graph, track.view_keys(seen), (model.landmarks.range_bias, model.landmarks.bearing_bias))
+        of_robots, of_mates = None, None
         if len(mates):
             target = keys_of(tracks, mates.identity, mates.timestamp)
             of_robots = track.sighting_factors(mates, target, model.robots, SE2)
-        for factor in (motion, drift, *sightings, *(of_robots or ())):
+            of_mates = _about_zero(graph, track.view_keys(mates), (model.robots.range_bias, model.robots.bearing_bias))
+        for factor in (motion, *sightings, *(of_robots or ())):
             graph.add(factor)
-        kept.append(RobotFactors(motion, drift, sources, sightings, of_robots))
+        kept.append(RobotFactors(motion, drift, (bias, of_mates), sources, sightings, of_robots))
     graph.set_constant(int(tracks[0].keys[0]))
     return graph, kept
+
+
+def _about_zero(graph: FactorGraph, keys: Indices, sigmas: tuple[float, float]) -> Prior:
+    """Add points that are near zero."""
+    each = np.unique(keys)
+    none = Point2.from_array(np.zeros((len(each), 2)))
+    graph.add_point(none, key=each)
+    prior = Prior(each, none, sigmas=sigmas)
+    graph.add(prior)
+    return prior

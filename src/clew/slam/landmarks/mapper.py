@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -12,16 +13,28 @@ from clew.factors import Between, PointObservation
 from clew.geometry import SE2, Point2, se2
 from clew.graph import FactorGraph
 from clew.noise import information_from_covariance, information_from_matrix
-from clew.place import NEW, Gates, joint_compatibility, landmark_density, nearest_neighbour
+from clew.place import NEW, Gates, joint_compatibility, nearest_neighbour
 from clew.slam.landmarks.components import VarianceComponents, inverted
 from clew.slam.landmarks.existence import never_there
 from clew.slam.landmarks.filter import LandmarkFilter
+from clew.slam.landmarks.linearised import expected_squares
 from clew.slam.landmarks.record import Motions, Seen
-from clew.slam.landmarks.review import LooseSightings, contradicted, find_again, join, join_singles, points_of
+from clew.slam.landmarks.review import (
+    Compared,
+    LooseSightings,
+    contradicted,
+    density_of,
+    find_again,
+    join,
+    join_singles,
+    points_of,
+)
 from clew.solve import Solution, optimize
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
+
+_LOG = logging.getLogger(__name__)
 
 _FIRST = 20  # sightings before the first solve, which shows how noisy they are
 _SHARE = 0.05  # of all sightings after which the graph of a long log is solved again
@@ -62,7 +75,9 @@ class LandmarkMapper:
         self._motions, self._seen = Motions(), Seen()
         self._fresh_poses: list[tuple[int, Array]] = []
         self._factors: tuple[Between, PointObservation] | None = None
-        self._since = self._recent = 0
+        self._since = self._exhausted = 0
+        self._compared = Compared()
+        self._squares = (np.empty((0, 2)), np.empty((0, 2, 2)))  # of the sightings at the last solution
         self._density = 0.0
         self._final = False
         self._components = self._associated_with = VarianceComponents()
@@ -108,6 +123,11 @@ class LandmarkMapper:
         return self._components
 
     @property
+    def exhausted(self) -> int:
+        """Moments at which the joint association stopped at its limit and took the best that it had found."""
+        return self._exhausted
+
+    @property
     def landmarks(self) -> Indices:
         """Key ``(K,)`` of each sighting's landmark in the order in which they came, -1 for those of none."""
         return np.array(self._seen.landmark, np.int64)
@@ -118,7 +138,8 @@ class LandmarkMapper:
         self.graph = FactorGraph()
         self.graph.add_pose(SE2(0.0, 0.0, 0.0), key=first, constant=True)
         self._filter = LandmarkFilter(np.zeros(3), [], np.zeros((0, 2)), np.zeros((3, 3)))
-        self._fresh_poses, self._density = [], 0.0
+        self._fresh_poses, self._density, self._exhausted = [], 0.0, 0
+        self._compared = Compared()
         pose, landmark = self._seen.pose, self._seen.landmark
         covariance = self._components.of_motion(inverted(self._motions.information))
         noise = self._components.sightings * self._seen.noise
@@ -139,7 +160,12 @@ class LandmarkMapper:
             near = np.flatnonzero((distance <= gates.limit_new * reach).any(axis=0))
             some, joint = self._filter.predict(near)
             joint = joint.reshape(2 * len(near), 2 * len(near))
-            found = joint_compatibility(z, some, joint, noise, gates, self._density)
+            moment = joint_compatibility(z, some, joint, noise, gates, self._density)
+            found = moment.landmark
+            if moment.exhausted:
+                self._exhausted += 1
+                _LOG.info("pose %d: %d sightings among %d landmarks can be paired off in more ways than the %d tried",
+                          self._pose, len(z), len(near), moment.tried)  # fmt: skip
             if len(near):
                 found = np.where(found >= 0, near[np.maximum(found, 0)], found)
         else:
@@ -167,7 +193,8 @@ class LandmarkMapper:
         Args:
             final: the log has ended: decide what is still unclear, and solve to the end.
         """
-        self._recent = 0 if final else 2 * self._since
+        if final:
+            self._compared = Compared()  # with all that is known in the end, everything once more
         self._grow()
         solution = self._optimize()
         self._suspected = np.zeros(len(self._seen), bool)
@@ -229,9 +256,15 @@ class LandmarkMapper:
 
     def _reweigh(self, solution: Solution) -> bool:
         """Take the noise from the residuals; whether it changed."""
-        if self._factors is None or not all(len(factor.keys) for factor in self._factors):
+        assert self._factors is not None
+        motions, sightings = self._factors
+        if not len(sightings.keys):
             return False
-        before, self._components = self._components, self._components.updated(solution, *self._factors)
+        self._squares = expected_squares(solution, sightings)
+        if not len(motions.keys):
+            return False
+        before = self._components
+        self._components = before.updated(solution, motions, sightings, self._squares)
         return self._components.change(before) > _SETTLED
 
     def _review(self, solution: Solution, final: bool) -> bool:
@@ -240,11 +273,10 @@ class LandmarkMapper:
         landmark = self._seen.landmark
         if not (landmark >= 0).any():
             return False
-        if self._rename(join(solution, self._seen, self._recent)):
-            self._recent = 0  # what has moved may show that older ones are one, too
+        if self._rename(join(solution, self._seen, self._compared)):
             return True
         used = np.flatnonzero(landmark >= 0)
-        wrong = used[contradicted(solution, self._factors[1], self.config.gates)]
+        wrong = used[contradicted(self._factors[1], self._squares, self.config.gates)]
         wrong = wrong[~self._suspected[wrong]]
         self._suspected[wrong] = True
         if len(wrong):
@@ -256,9 +288,9 @@ class LandmarkMapper:
         """Give sightings without a landmark to one, or make one of them."""
         landmark = self._seen.landmark
         loose = np.flatnonzero(landmark < 0)
-        keys = np.unique(landmark[landmark >= 0])
+        keys, counts = np.unique(landmark[landmark >= 0], return_counts=True)
         points = points_of(solution, keys)
-        density = landmark_density(points)
+        density = density_of(points, counts)
         changed = False
         for pose in np.unique(self._seen.pose[loose]).tolist():
             here = np.flatnonzero(self._seen.pose == pose)
@@ -292,7 +324,10 @@ class LandmarkMapper:
         keys, points = np.empty(0, np.int64), np.zeros((0, 2))
         if Point2 in solution.kinds:
             keys, points = solution.keys(Point2), solution.values(Point2).array
-            self._density = landmark_density(points)
+            order = np.argsort(keys)
+            keys, points = keys[order], points[order]
+            used = self._seen.landmark[self._seen.landmark >= 0]
+            self._density = density_of(points, np.bincount(np.searchsorted(keys, used), minlength=len(keys)))
             near = np.linalg.norm(points - at[:2], axis=1) <= self._reach(solution)
             keys, points = keys[near], points[near].copy()
         covariance = solution.joint_covariance([self._pose, *keys.tolist()])

@@ -69,19 +69,22 @@ PRIOR = Calibration(0.2, 0.2, 0.02, 0.2, 0.01, 0.1, 0.3, 0.5, 0.1, 0.1, 0.1, 0.2
 
 @dataclass(frozen=True)
 class SightingNoise:
-    """Errors of sightings, which follow Student's t distribution.
+    """Errors of sightings: each one's own, which follow Student's t distribution, and those of a view.
+
+    What disturbs a sighting disturbs the next ones of the same thing likewise, as long as it is seen from much the same
+    place; so each view has a bias of its own.
 
     Attributes:
         range: scale of the errors of ranges, metres.
         bearing: scale of the errors of bearings, radians.
-        range_repeats, bearing_repeats: how many sightings in succession count as one, because what disturbs a
-            sighting disturbs the next one likewise.
+        range_bias: standard deviation, over views, of what is common to the ranges of a view, metres.
+        bearing_bias: the same for bearings, radians.
     """
 
     range: float = 0.2
     bearing: float = 0.03
-    range_repeats: float = 1.0
-    bearing_repeats: float = 1.0
+    range_bias: float = 0.02
+    bearing_bias: float = 0.005
 
 
 @dataclass(frozen=True)
@@ -107,7 +110,7 @@ class SensorModel:
         drift: of the scales in the calibration.
         landmarks: noise of sightings of landmarks.
         robots: noise of sightings of other robots.
-        pull: ``(7, 2)`` by what the points of the calibration are drawn, see `clew.slam.landmarks.noise.pull`.
+        pull: ``(7, 2)`` by what the points of the calibration are drawn, see `clew.slam.landmarks.pull`.
     """
 
     calibration: Calibration = Calibration()

@@ -7,12 +7,11 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from clew.factors import Between, PointObservation
-from clew.geometry import SE2, Point2, se2, wrap
-from clew.graph import Factor, FactorGraph
-from clew.io import Sightings
-from clew.slam.landmarks.model import SensorModel, SightingNoise
-from clew.slam.landmarks.track import TAIL, RobotTrack, keys_of
+from clew.factors import Between, CalibratedBearing, CalibratedRange, PointObservation
+from clew.geometry import SE2, Point2, se2
+from clew.graph import FactorGraph
+from clew.slam.landmarks.model import SensorModel
+from clew.slam.landmarks.track import RobotTrack, keys_of
 from clew.solve import Solution
 
 Array = NDArray[np.float64]
@@ -38,23 +37,17 @@ def plain_graph(tracks: Sequence[RobotTrack], models: Sequence[SensorModel], sol
             Between(track.keys[:-1], track.keys[1:], motion.motion_at(*parameters), information=motion.information)
         )
         seen, mates = track.log.landmarks, track.log.robots
+        points, information = _points(solution, track.sighting_factors(seen, seen.identity, model.landmarks))
         keys = track.keys[track.rows(seen)]
-        weights = _weights(solution, track.sighting_factors(seen, seen.identity, model.landmarks))
-        local = se2.act(se2.inverse(_values(solution, SE2, keys)), _values(solution, Point2, seen.identity))
-        points, information = _points(track, model, seen, model.landmarks, weights, local)
         graph.add(PointObservation(keys, seen.identity, points, information=information))
         if len(mates):
             target = keys_of(tracks, mates.identity, mates.timestamp)
-            weights = _weights(solution, track.sighting_factors(mates, target, model.robots, SE2))
-            keys = track.keys[track.rows(mates)]
-            local = se2.between(_values(solution, SE2, keys), _values(solution, SE2, target))[:, :2]
-            points, information = _points(track, model, mates, model.robots, weights, local)
+            points, information = _points(solution, track.sighting_factors(mates, target, model.robots, SE2))
             padded = np.zeros((len(mates), 3, 3))
             padded[:, :2, :2] = information
             flat = np.column_stack([points, np.zeros(len(points))])
-            graph.add(
-                Between(keys, target, flat, information=padded, role="observation")
-            )
+            keys = track.keys[track.rows(mates)]
+            graph.add(Between(keys, target, flat, information=padded, role="observation"))
     graph.set_constant(int(tracks[0].keys[0]))
     return graph
 
@@ -66,36 +59,27 @@ def _values(solution: Solution, kind: type, keys: NDArray[np.int64]) -> Array:
     return values
 
 
-def _weights(solution: Solution, pair: tuple[Factor, Factor]) -> Array:
-    """Robust weight ``(K, 2)`` of each range and bearing at the solution, t distribution included."""
-    out = []
-    for factor in pair:
-        values = [_values(solution, kind, factor.keys[:, p]) for p, kind in enumerate(factor.kinds)]
-        error = factor.residual(*values, measurement=factor.measurement)[:, 0]
-        assert factor.kernel is not None
-        out.append(factor.kernel.weight(error**2 * factor.information[:, 0, 0]) * (TAIL + 1.0) / TAIL)
-    return np.stack(out, axis=1)
-
-
-def _points(
-    track: RobotTrack, model: SensorModel, seen: Sightings, noise: SightingNoise, weights: Array, local: Array
-) -> tuple[Array, Array]:
+def _points(solution: Solution, pair: tuple[CalibratedRange, CalibratedBearing]) -> tuple[Array, Array]:
     """Positions ``(K, 2)`` in the robot's frame, and their information.
 
-    The errors of range and bearing are laid off along and across the ray on which the solution has the thing that was
-    seen, ``local (K, 2)``: so each costs what it costs in the solution. On the measured ray a bearing that is far off
+    The errors of range and bearing are laid off along and across the ray on which the solution has what was seen: so
+    each costs what it costs in the solution, and draws as it does there. On the measured ray a bearing that is far off
     would turn into an error of the range, which no weight has reckoned with.
     """
-    distance, bearing = track.corrected(seen, model.calibration)
-    view = local - [model.calibration.forward, model.calibration.left]
-    far = np.hypot(*view.T)
-    ray = view / far[:, None]
+    ranges, bearings = pair
+    values = [_values(solution, kind, ranges.keys[:, k]) for k, kind in enumerate(ranges.kinds)]
+    local = se2.act(se2.inverse(values[0]), values[1][:, :2])
+    view = local - values[-1]  # from where the camera is mounted
+    ray = view / np.hypot(*view.T)[:, None]
     across = np.stack([-ray[:, 1], ray[:, 0]], axis=1)
-    turned = wrap(bearing - np.arctan2(view[:, 1], view[:, 0]))
-    along_weight = weights[:, 0] * (seen.range / distance) ** 2 / (noise.range**2 * noise.range_repeats)
-    across_weight = weights[:, 1] / ((noise.bearing * far) ** 2 * noise.bearing_repeats)
-    information = (
-        along_weight[:, None, None] * ray[:, :, None] * ray[:, None, :]
-        + across_weight[:, None, None] * across[:, :, None] * across[:, None, :]
-    )
-    return local + (distance - far)[:, None] * ray + (far * turned)[:, None] * across, information
+    information = np.zeros((len(local), 2, 2))
+    for factor, direction in ((ranges, ray), (bearings, across)):
+        values = [_values(solution, kind, factor.keys[:, k]) for k, kind in enumerate(factor.kinds)]
+        error, jacobians = factor.linearise(*values)
+        rate = np.linalg.norm(jacobians[1][:, 0, :2], axis=1)  # of the measured number by metres
+        weight = factor.information[:, 0, 0]
+        assert factor.kernel is not None
+        weight = weight * factor.kernel.weight(error[:, 0] ** 2 * weight)
+        local = local - (error[:, 0] / rate)[:, None] * direction
+        information += (weight * rate**2)[:, None, None] * direction[:, :, None] * direction[:, None, :]
+    return local, information

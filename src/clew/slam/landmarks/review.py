@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,27 +11,30 @@ from scipy.spatial import cKDTree
 from clew.factors import PointObservation
 from clew.geometry import Point2, se2, so2
 from clew.place import NEW, Gates, join_landmarks, landmark_density, nearest_neighbour
-from clew.slam.landmarks.noise import expected_squares
 from clew.slam.landmarks.record import Seen
 from clew.slam.landmarks.track import TAIL
 from clew.solve import Solution
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
+Flags = NDArray[np.bool_]
 
 _FURTHEST = 4.0  # standard deviations of two landmarks that may be one
 _DOUBT = 9.0  # factor of the covariances: drift may be worse than residuals tell, for it is not all white
+_MOVED = 0.5  # standard deviations that a landmark has moved by to be compared with others again
+_SURER = 0.7  # of its standard deviation that a landmark has come down to to be compared again
 _NEIGHBOURS = 6
+_SURE = 3  # sightings of a landmark that is no longer provisional
 _MOST = 400  # landmarks that are compared with each other at a time
 
 
-def contradicted(solution: Solution, seen: PointObservation, gates: Gates) -> Indices:
-    """Rows of sightings that the rest of the graph contradicts.
+def contradicted(seen: PointObservation, squares: tuple[Array, Array], gates: Gates) -> Indices:
+    """Rows of sightings that the rest of the graph contradicts; `squares` are their `expected_squares`.
 
     A residual ``r`` with noise ``R`` has the covariance ``V = R - J C J^T`` at the solution, so ``r^T V^-1 r`` is chi
     square if the sighting belongs there (Baarda 1968, data snooping): the test of the sighting against everything else.
     """
-    error, expected = expected_squares(solution, seen)
+    error, expected = squares
     noise = np.linalg.inv(seen.information)
     left = noise - (expected - error[:, :, None] * error[:, None, :])
     # a sighting that alone determines something cannot be contradicted
@@ -43,13 +46,35 @@ def contradicted(solution: Solution, seen: PointObservation, gates: Gates) -> In
     return wrong
 
 
-def join(solution: Solution, seen: Seen, recent: int = 0) -> dict[int, int]:
+@dataclass(eq=False)
+class Compared:
+    """Landmarks as they stood when they were last compared with others: what has not changed need not be again."""
+
+    keys: Indices = field(default_factory=lambda: np.empty(0, np.int64))
+    points: Array = field(default_factory=lambda: np.empty((0, 2)))
+    deviation: Array = field(default_factory=lambda: np.empty(0))
+
+    def changed(self, keys: Indices, points: Array, deviation: Array) -> Flags:
+        """Which of some landmarks are new, have moved, or are surer by now; keys ascend."""
+        if not len(self.keys):
+            return np.ones(len(keys), bool)
+        row = np.minimum(np.searchsorted(self.keys, keys), len(self.keys) - 1)
+        moved = np.linalg.norm(points - self.points[row], axis=1) > _MOVED * deviation
+        changed: Flags = (self.keys[row] != keys) | moved | (deviation < _SURER * self.deviation[row])
+        return changed
+
+    def take(self, keys: Indices, points: Array, deviation: Array) -> None:
+        """All have been compared."""
+        self.keys, self.points, self.deviation = keys, points, deviation
+
+
+def join(solution: Solution, seen: Seen, compared: Compared) -> dict[int, int]:
     """Landmarks that prove to be others: key of each that goes, and of the one that it is.
 
     Args:
         solution: of the graph.
         seen: all sightings with the landmarks that they are taken for.
-        recent: only landmarks seen in the last so many sightings are compared with others; all by default.
+        compared: only landmarks that have changed since then are compared with others; brought up to date.
     """
     landmark = seen.landmark
     keys, counts = np.unique(landmark[landmark >= 0], return_counts=True)
@@ -58,18 +83,21 @@ def join(solution: Solution, seen: Seen, recent: int = 0) -> dict[int, int]:
     points, spread = points_of(solution, keys), solution.covariances(Point2)
     order = np.argsort(solution.keys(Point2))
     deviation = np.sqrt(np.trace(spread[order][np.searchsorted(solution.keys(Point2)[order], keys)], axis1=1, axis2=2))
-    density = landmark_density(points)
-    new = np.isin(keys, landmark[-recent:])
-    chosen = _near_another(points, np.sqrt(_DOUBT) * deviation, new)
+    density = density_of(points, counts)
+    new = compared.changed(keys, points, deviation)
+    apart = _seen_together(seen.pose, landmark, keys)
+    chosen = _near_another(points, np.sqrt(_DOUBT) * deviation, new, apart)
     if len(chosen) < 2:
+        compared.take(keys, points, deviation)
         return {}
-    some = keys[chosen]
-    apart = _seen_together(seen.pose, landmark, some)
+    some, apart = keys[chosen], apart[np.ix_(chosen, chosen)]
     covariance, count = solution.joint_covariance(some), counts[chosen]
     pairs = join_landmarks(points[chosen], covariance, apart, density)
     if not pairs:
         apart |= (count == 1)[:, None] | (count == 1)  # whether a single sighting is an outlier is seen at the end
         pairs = join_landmarks(points[chosen], _DOUBT * covariance, apart, density)
+    if not pairs:
+        compared.take(keys, points, deviation)
     into: dict[int, int] = {}
     for a, b in pairs:
         kept, gone = (a, b) if count[a] >= count[b] else (b, a)
@@ -77,11 +105,11 @@ def join(solution: Solution, seen: Seen, recent: int = 0) -> dict[int, int]:
     return into
 
 
-def _near_another(points: Array, deviation: Array, new: NDArray[np.bool_]) -> Indices:
-    """Landmarks of pairs with a new one that are near in view of their uncertainties; the nearest, if too many."""
+def _near_another(points: Array, deviation: Array, new: Flags, apart: Flags) -> Indices:
+    """Landmarks of pairs with a new one that may be one in view of their uncertainties; the nearest, if too many."""
     tree = cKDTree(points)
     pairs = tree.query_pairs(2.0 * _FURTHEST * float(deviation.max()), output_type="ndarray")
-    pairs = pairs[new[pairs].any(axis=1)]
+    pairs = pairs[new[pairs].any(axis=1) & ~apart[pairs[:, 0], pairs[:, 1]]]
     length = np.linalg.norm(points[pairs[:, 0]] - points[pairs[:, 1]], axis=1)
     ratio = length / np.maximum(deviation[pairs].sum(axis=1), 1e-9)
     pairs, ratio = pairs[ratio <= _FURTHEST], ratio[ratio <= _FURTHEST]
@@ -91,7 +119,7 @@ def _near_another(points: Array, deviation: Array, new: NDArray[np.bool_]) -> In
     return np.sort(listed)
 
 
-def _seen_together(pose: Indices, landmark: Indices, keys: Indices) -> NDArray[np.bool_]:
+def _seen_together(pose: Indices, landmark: Indices, keys: Indices) -> Flags:
     """``(L, L)`` whether two landmarks were seen from one pose."""
     used = np.isin(landmark, keys)
     _, row = np.unique(pose[used], return_inverse=True)
@@ -190,6 +218,15 @@ def join_singles(solution: Solution, seen: Seen) -> dict[int, int]:
             into[int(keys[single])] = int(keys[near[density.argmax()]])
             gone.add(single)
     return into
+
+
+def density_of(points: Array, counts: Indices) -> float:
+    """Landmarks a square metre, from those ``(L, 2)`` that were seen often enough (counts ``(L,)``) to be sure of.
+
+    Provisional ones do not count: where places are seen again before the map has closed there, they are many and lie on
+    others, and a density taken from them would make every gate look crowded, and so all that follows new again.
+    """
+    return landmark_density(points[counts >= min(_SURE, int(counts.max(initial=0)))])
 
 
 def points_of(solution: Solution, keys: Indices) -> Array:

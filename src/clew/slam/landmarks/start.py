@@ -17,7 +17,7 @@ from clew.solve import Solution, optimize
 
 Array = NDArray[np.float64]
 
-_PIECE = 20.0  # seconds
+_PIECE, _GROWTH = 20.0, 0.1  # seconds; share of what is mapped before, if that is more
 _FEWEST = 100  # keyframes before the calibration is believed
 _LOST = 0.3  # metres between sightings and the map, in the median, at which a piece is set anew
 _FOUND = 0.5  # share of that distance that must remain at most
@@ -32,8 +32,7 @@ def first_map(
     moved rigidly onto them. `progress` is told how many sightings are in the map.
     """
     model, poses, landmarks = SensorModel(), np.zeros((1, 3)), dict[int, Array]()
-    ends = np.append(np.arange(track.timestamps[0] + _PIECE, track.timestamps[-1], _PIECE), track.timestamps[-1])
-    for end in ends.tolist():
+    for end in _ends(float(track.timestamps[0]), float(track.timestamps[-1])):
         part = track.until(end)
         if len(part.timestamps) == len(poses) or not len(part.log.landmarks):
             continue
@@ -47,6 +46,14 @@ def first_map(
             model = replace(model, calibration=calibration)
         progress(len(part.log.landmarks))
     return poses, landmarks, model
+
+
+def _ends(begin: float, end: float) -> list[float]:
+    """Times up to which the parts go."""
+    ends = [begin]
+    while ends[-1] < end:
+        ends.append(min(ends[-1] + max(_PIECE, _GROWTH * (ends[-1] - begin)), end))
+    return ends[1:]
 
 
 def read_solution(solution: Solution, track: RobotTrack) -> tuple[Array, dict[int, Array], Calibration]:

@@ -22,7 +22,8 @@ Indices = NDArray[np.int64]
 
 #: Robot ``n`` has the pose keys ``n * KEYS_A_ROBOT + i``; landmarks have their identity as key.
 KEYS_A_ROBOT = 1_000_000
-_CALIBRATION_KEYS, _DRIFT_KEYS = 900_000, 910_000
+_CALIBRATION_KEYS, _DRIFT_KEYS, _VIEW_KEYS, _MATE_VIEW_KEYS = 900_000, 910_000, 920_000, 960_000
+_LONGEST_VIEW, _LONGEST_PAUSE = 10.0, 2.0  # seconds of a view, and between its sightings
 _WHILE = 10.0  # seconds that the scales of the odometry stay as they are
 _LONGEST_STRETCH = 0.5  # seconds between keyframes
 #: Degrees of freedom of Student's t distribution: heavy tails, but with a variance.
@@ -60,6 +61,11 @@ class RobotTrack:
         passed = self.timestamps[:-1] - self.timestamps[0]
         keys: Indices = self.log.robot * KEYS_A_ROBOT + _DRIFT_KEYS + (passed / _WHILE).astype(np.int64)
         return keys
+
+    def view_keys(self, seen: Sightings) -> Indices:
+        """``(K,)`` keys of the biases of the views that sightings belong to; sightings of landmarks or of robots."""
+        first = _MATE_VIEW_KEYS if seen is self.log.robots else _VIEW_KEYS
+        return self.log.robot * KEYS_A_ROBOT + first + _views(seen)
 
     def until(self, timestamp: float) -> RobotTrack:
         """The part up to a time."""
@@ -133,7 +139,7 @@ class RobotTrack:
         by_delay = (back @ twist[pieces.first][:, :, None])[:, :, 0] - twist[last]
         by_parameter = np.concatenate([whole.jacobian(inner), by_delay[:, :, None]], axis=2)
         sources = model.motion.components(pieces.duration, v, w)
-        return whole, by_parameter, np.stack([whole.covariance(source) for source in sources])
+        return whole, by_parameter, whole.diagonal_covariance(np.einsum("knii->kni", sources))
 
     def motion_factor(self, model: SensorModel) -> tuple[PreintegratedMotion, Array]:
         """The factor of all motions, and the covariance by source as in `motion`."""
@@ -154,21 +160,20 @@ class RobotTrack:
         """Factors of ranges and of bearings to targets with the given ``(K,)`` keys.
 
         Student's t distribution is a robust kernel: ``-2 log p = c^2 log(1 + e^2 / (n sigma^2))`` up to a constant,
-        with ``c^2 = n + 1``, all of it divided by the number of sightings that count as one.
+        with ``c^2 = n + 1``.
         """
-        keys, parameters = self.keys[self.rows(seen)], self.calibration_keys
+        keys, bias, parameters = self.keys[self.rows(seen)], self.view_keys(seen), self.calibration_keys
 
-        def likelihood(scale: float, repeats: float) -> dict[str, Any]:
-            return {"sigmas": scale * np.sqrt(repeats * TAIL / (TAIL + 1.0)),
-                    "kernel": Cauchy(np.sqrt((TAIL + 1.0) / repeats)), "sees": sees}  # fmt: skip
+        def likelihood(scale: float) -> dict[str, Any]:
+            return {"sigmas": scale * np.sqrt(TAIL / (TAIL + 1.0)), "kernel": Cauchy(np.sqrt(TAIL + 1.0)), "sees": sees}
 
         ranges = CalibratedRange(
-            keys, target, [parameters[k] for k in (2, 3, 6)], seen.range, self.range_basis(seen),
-            **likelihood(noise.range, noise.range_repeats),
+            keys, target, (parameters[2], parameters[3], bias, parameters[6]), seen.range, self.range_basis(seen),
+            **likelihood(noise.range),
         )  # fmt: skip
         bearings = CalibratedBearing(
-            keys, target, [parameters[k] for k in (4, 5, 6)], seen.bearing, self.means[:3],
-            **likelihood(noise.bearing, noise.bearing_repeats),
+            keys, target, (parameters[4], parameters[5], bias, parameters[6]), seen.bearing, self.means[:3],
+            **likelihood(noise.bearing),
         )  # fmt: skip
         return ranges, bearings
 
@@ -226,6 +231,19 @@ def _make_track(log: SightingLog, mates: Mapping[int, Sightings]) -> RobotTrack:
     weight = seen.range / seen.range.sum()
     means = np.append(weight @ _powers(seen.bearing), len(seen) / seen.range.sum())
     return RobotTrack(log, np.unique(frames), means)
+
+
+def _views(seen: Sightings) -> Indices:
+    """Number ``(K,)`` of the view of each sighting: of one thing, without a long pause, and not too long."""
+    order = np.lexsort((seen.timestamp, seen.identity))
+    identity, stamp = seen.identity[order], seen.timestamp[order]
+    begins = np.append(True, (np.diff(identity) != 0) | (np.diff(stamp) > _LONGEST_PAUSE))[: len(order)]
+    run = np.cumsum(begins) - 1
+    part = ((stamp - stamp[begins][run]) / _LONGEST_VIEW).astype(np.int64)
+    split = np.append(True, (np.diff(run) != 0) | (np.diff(part) != 0))[: len(order)]
+    out = np.empty(len(order), np.int64)
+    out[order] = np.cumsum(split) - 1
+    return out
 
 
 def _powers(bearing: Array) -> Array:
