@@ -237,9 +237,11 @@ class LoopCloser:
     def _supporters(self, best: Closure) -> list[Closure] | None:
         """Waiting closures that agree with one, of different stretches of path; None if they are too few.
 
-        One of a robot whose place is certain may count on those that are believed, as well as on those that wait.
+        One of a robot whose place is certain, and that fits nowhere else nearly as well, may count on those that are
+        believed, as well as on those that wait.
         """
-        believed = self._beliefs.held if best.is_certain else []
+        believed = self._beliefs.held if best.is_certain and best.rival == 0.0 else []
+        believed = [c for c in believed if not c.is_partial]
         chosen = self._apart(best, [*self._waiting, *believed])
         return None if chosen is None else [c for c in chosen if c.verdict is Verdict.WAITING]
 
@@ -247,7 +249,7 @@ class LoopCloser:
         """Those of others that agree with one, of different stretches of path; None if they are too few."""
         options = self._config.closing
         paths = self._keyframes.paths
-        near = [c for c in others if c.source != best.source and not c.is_partial
+        near = [c for c in others if c.source != best.source
                 and abs(paths[c.source] - paths[best.source]) <= options.support_path]
         agreeing = [c for c in near if self._agree(best, c, self._freedom(best, c))]
         chosen = [best]
@@ -294,7 +296,7 @@ class LoopCloser:
         if abs(paths[a.target] - paths[b.target]) <= options.support_path:
             first, last = min(a.target, b.target), max(a.target, b.target)
             total += way_covariance(self._keyframes, b.target, first, last, -float(b.T_target_source[2]))
-        return options.caution * total
+        return np.asarray(options.caution * total)
 
     def settle(self) -> None:
         """Optimise with the closures that were accepted since the last time, and withdraw what no longer fits."""

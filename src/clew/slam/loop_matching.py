@@ -47,10 +47,11 @@ class LoopMatcher:
         if closure.verdict is not Verdict.WAITING:
             return closure
         closure = look_back(closure, submap, self._places.submap_of(query.source, query.members), verification)
-        information = self._information(closure, candidate)
+        of_returns, information = closure.information, self._information(closure, candidate)
         closure = replace(closure, information=information, is_certain=candidate.is_certain)
         if not closure.is_partial and np.linalg.eigvalsh(np.linalg.inv(information)[:2, :2])[1] > UNKNOWN**2:
-            closure = replace(closure, is_partial=True)
+            partial = replace(closure, is_partial=True, information=of_returns)
+            closure = replace(partial, information=self._information(partial, candidate))
             if not candidate.may_slide:
                 return replace(closure, verdict=Verdict.AMBIGUOUS)
         return self._gate(closure, candidate)
