@@ -120,7 +120,7 @@ def test_what_could_not_be_closed_in_time_is_closed_at_the_end() -> None:
 
 @pytest.mark.parametrize("certain", [True, False])
 def test_a_partial_match_is_a_rival_while_the_robot_may_be_farther_off(certain: bool) -> None:
-    """One door farther on fits as well: where a partial match of the keyframe says so, none along its line is unique."""
+    """One door farther on fits as well: where a partial match says so, none along its line is unique."""
     slam = half_way()
     closer, right = slam._closer, slam.closures[-1]
     best = replace(right, verdict=Verdict.WAITING, is_certain=certain)
