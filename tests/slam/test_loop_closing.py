@@ -116,3 +116,19 @@ def test_what_could_not_be_closed_in_time_is_closed_at_the_end() -> None:
     closer._open.append(last.source)
     slam.optimise()
     assert last.source in {c.source for c in slam.closures}
+
+
+@pytest.mark.parametrize("certain", [True, False])
+def test_a_partial_match_is_a_rival_while_the_robot_may_be_farther_off(certain: bool) -> None:
+    """One door farther on fits as well: where a partial match says so, none along its line is unique."""
+    slam = half_way()
+    closer, right = slam._closer, slam.closures[-1]
+    best = replace(right, verdict=Verdict.WAITING, is_certain=certain)
+    line = np.diag([1e-3, 1e4, 1e5])
+    poses, other = slam._pose_graph.poses, right.target - 1
+    farther = se2.compose(right.T_target_source, np.array([4.0, 0.0, 0.0]))
+    partial = replace(best, target=other, is_partial=True, likelihood=0.9 * right.likelihood, information=line,
+                      T_target_source=se2.compose(se2.between(poses[other], poses[right.target]), farther))
+    closer._decide([best, partial])
+    ambiguous = [c for c in closer.rejected if c.verdict is Verdict.AMBIGUOUS and c.source == right.source]
+    assert bool(ambiguous) != certain

@@ -328,7 +328,10 @@ class LoopCloser:
         self._dissent = [c for c in self._dissent if paths[c.source] >= path]
 
 
-def _unknown(a: Closure, b: Closure) -> Array | None:
-    """Covariance ``(3, 3)`` of what partial closures of one keyframe do not tell, so that they agree in the rest."""
-    partial = [np.linalg.inv(c.information) for c in (a, b) if c.is_partial]
+def _unknown(best: Closure, rival: Closure) -> Array | None:
+    """Covariance ``(3, 3)`` of what partial closures of one keyframe do not tell, so that they agree in the rest.
+
+    While the robot may be farther off, a partial one shows that a match along its line is not the only one.
+    """
+    partial = [np.linalg.inv(c.information) for c in (best, rival) if c.is_partial and best.is_certain]
     return np.sum(partial, axis=0) if partial else None
