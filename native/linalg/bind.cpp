@@ -190,13 +190,17 @@ void bind_analysis(nb::module_ m) {
         .def_ro("nonzeros", &Symbolic::nonzeros)
         .def_prop_ro("factor_bytes", [](const Symbolic& s) { return s.factor_size * 8; })
         .def("bytes", [](const Symbolic& s, int threads, bool keep_updates) {
+            require(threads >= 1, "threads must be positive");
             return make_schedule(s, threads, keep_updates ? Updates::kKept : Updates::kTransient).storage_size * 8;
         });
 }
 
 void bind_numeric(nb::module_ m) {
     nb::class_<Numeric>(m, "Numeric")
-        .def(nb::init<const Symbolic&, int, bool>(), nb::keep_alive<1, 2>())
+        .def("__init__", [](Numeric* self, const Symbolic& s, int threads, bool keep_updates) {
+            require(threads >= 1, "threads must be positive");
+            new (self) Numeric(s, threads, keep_updates);
+        }, nb::keep_alive<1, 2>())
         .def("factorize", [](Numeric& n, Array<double> values, std::optional<Array<double>> damping,
                              std::optional<Array<int64_t>> changed) {
             const Symbolic& sym = n.symbolic();

@@ -42,7 +42,7 @@ void Numeric::factorize(const double* values, const double* damping, const std::
         }
     });
     int32_t failed = *std::min_element(failures.begin(), failures.end());
-    for (size_t q = 0; q < schedule_.top.size() && failed == kNone; ++q) {
+    for (size_t q = 0; q < schedule_.top.size() && symbolic_.fronts[schedule_.top[q]].column < failed; ++q) {
         const int32_t s = schedule_.top[q];
         const int32_t column = redo[s] ? factor_front(s, values, damping, *scratch_[0], &team) : -1;
         if (column >= 0) failed = column;

@@ -9,7 +9,7 @@ Team::Team(size_t workers) {
     helpers_.reserve(workers - 1);
     try {
         for (size_t w = 1; w < workers; ++w) helpers_.emplace_back([this, w] { help(w); });
-    } catch (const std::system_error&) {
+    } catch (const std::exception&) {  // no thread, or no memory for one
         // No more threads to be had: the work is done by those that there are.
     }
 }

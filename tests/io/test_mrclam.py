@@ -69,3 +69,12 @@ def test_a_folder_of_something_else(tmp_path: Path) -> None:
     assert not is_mrclam(tmp_path)
     with pytest.raises(InputError, match="MRCLAM"):
         read_mrclam(tmp_path, 1)
+
+
+def test_bearings_counted_from_zero_to_a_whole_turn_are_the_same(tmp_path: Path) -> None:
+    (tmp_path / "turn").mkdir()
+    signed = "0.5 72 1.5 0.1\n0.2 27 2.5 -0.1\n"
+    whole = f"0.5 72 1.5 0.1\n0.2 27 2.5 {2 * np.pi - 0.1:.12f}\n"
+    one = read_mrclam(write(tmp_path, Robot1_Measurement__dat=signed), 1)
+    other = read_mrclam(write(tmp_path / "turn", Robot1_Measurement__dat=whole), 1)
+    np.testing.assert_allclose(other.landmarks.bearing, one.landmarks.bearing, atol=1e-9)

@@ -97,3 +97,16 @@ def test_threads_do_not_change_the_variable_that_is_named() -> None:
         values[pattern.offsets[pattern.block_index([variable], [variable])[0]]] = -1.0
     named = {analyse(pattern, ordering="amd", threads=t).factorize(values).failed_variable for t in (1, 2, 3)}
     assert len(named) == 1
+
+
+def test_threads_do_not_change_the_variable_that_is_named_where_several_fail_at_once() -> None:
+    """A front of the top of the tree and one of a thread's own both fail: the first in the order is named."""
+    pattern = grid(50, 4, diagonals=True)
+    good = grid_information(pattern)
+    symbolic = [analyse(pattern, ordering="amd", threads=t) for t in (1, 2, 4, 8)]
+    order = symbolic[0].permutation
+    for first in range(len(order) // 4, len(order), 60):
+        values = good.copy()
+        for variable in order[first:].tolist():
+            values[pattern.offsets[pattern.block_index([variable], [variable])[0]]] = -50.0
+        assert len({s.factorize(values).failed_variable for s in symbolic}) == 1

@@ -166,6 +166,8 @@ def test_a_gyro_at_its_bias_tells_the_true_motion_and_the_derivative_by_bias_and
         (lambda: Gyro().motion([0.0, 0.2], [0.0, 0.0], [], [], [0.0, 1.0]), "no speed at the first keyframe"),
         (lambda: Gyro().motion([0.2, 0.0], [0.0, 0.0], [0.0], [1.0], [0.3, 1.0]), "in order"),
         (lambda: Gyro().motion([0.0], [np.nan], [0.0], [1.0], [0.0, 1.0]), "rate 0 is not finite"),
+        (lambda: Gyro().motion([0.0], [0.1], [0.0], [1.0], [0.0, 1.0], scale=-1.0), "scale above -1"),
+        (lambda: Gyro().motion([0.0], [0.1], [0.0], [1.0], [0.0, 1.0], bias=np.nan), "bias nan"),
         (lambda: increment_motion(np.zeros((1, 3))), "at least two poses"),
         (lambda: increment_motion([[0.0, 0.0, 0.0], [np.inf, 0.0, 0.0]]), "pose 1 is not finite"),
         (lambda: Ackermann(2.8, encoder_offset=0.76).motion(1.0, 1.0, [0.1, 1.4]), "steering 1"),

@@ -132,3 +132,26 @@ def test_a_partial_match_is_a_rival_while_the_robot_may_be_farther_off(certain: 
     closer._decide([best, partial])
     ambiguous = [c for c in closer.rejected if c.verdict is Verdict.AMBIGUOUS and c.source == right.source]
     assert bool(ambiguous) != certain
+
+
+def test_an_attempt_after_which_no_closure_is_left_goes_on() -> None:
+    """The newest closure and the one before contradict each other, and both are withdrawn on the way."""
+    slam, log = half_way(), round_trip()
+    beliefs = slam._closer._beliefs
+    beliefs._most_residual = -1.0  # everything is contradicted from now on
+    for measurement in measurements(log, slam.scan_count, log.scan_count):
+        slam.add(measurement)
+    assert len(beliefs) == 0
+    assert len(slam._closer._open) > 0
+
+
+def test_partial_closures_that_a_group_stands_for_are_not_forgotten() -> None:
+    slam = half_way()
+    slam.optimise()
+    beliefs, right = slam._closer._beliefs, slam.closures[-1]
+    beliefs.add(replace(right, is_partial=True, target=right.target + 1, information=1e-3 * np.eye(3),
+                        T_target_source=se2.between(slam._pose_graph.poses[right.target + 1],
+                                                    slam._pose_graph.poses[right.source])))
+    gone = beliefs.overturn([right])
+    assert gone is not None
+    assert [(c.target, c.verdict) for c in gone] == [(right.target + 1, Verdict.REDUNDANT)]

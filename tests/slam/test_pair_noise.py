@@ -9,6 +9,9 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from clew.geometry import SE2, se2
+from clew.motion import Odometry
+from clew.scan import LaserScan
+from clew.slam import Slam
 from clew.slam.pair_noise import pair_variance, with_variance
 from slam.drives import mapped, outing, round_trip, truth_of
 
@@ -79,3 +82,21 @@ def test_stated_uncertainty_of_refined_poses_is_that_of_their_errors(which: str)
     assert np.mean(squared < 7.81) > 0.8
     row = len(keyframes) // 2
     np.testing.assert_allclose(slam.solution().covariances(SE2)[row], covariance[row])
+
+
+def test_what_rests_on_odometry_alone_is_worth_what_it_was() -> None:
+    """Pairs of scans that agree well say nothing of a step without returns, known to centimetres in every direction."""
+    step = np.linalg.inv(np.diag([0.03, 0.04, 0.02]) ** 2)
+    np.testing.assert_allclose(with_variance(step[None], 0.25)[0], step, rtol=0.1)
+
+
+def test_refining_without_returns_leaves_the_uncertainty_as_it_is() -> None:
+    slam = Slam()
+    for k in range(40):
+        slam.add(Odometry(0.25 * k, np.array([0.2 * k, 0.0, 0.0])))
+        slam.add(LaserScan(0.25 * k, np.full(181, np.inf), -np.pi / 2, np.pi / 180, 0.1, 30.0))
+    slam.optimise()
+    last = int(slam.graph.keys(SE2)[-1])
+    before = slam.solution().covariance(last)
+    slam.refine()
+    np.testing.assert_allclose(np.diag(slam.solution().covariance(last)), np.diag(before), rtol=0.05)

@@ -67,6 +67,8 @@ def read_robots(paths: Sequence[Path], *, progress: Callable[[int, int], None] |
         if progress is not None:
             progress(len(robots), len(parts))
         robots.append(_robot(part, of_letter))
+    if progress is not None:
+        progress(len(parts), len(parts))
     return robots
 
 

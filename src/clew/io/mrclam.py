@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from clew.errors import InputError
+from clew.geometry import wrap
 from clew.io.log import ReadReport
 from clew.io.sightings import SightingLog, Sightings, SurveyedLandmarks, Velocities
 from clew.io.table import read_table
@@ -128,7 +129,7 @@ def _sightings(folder: Path, robot: int, report: ReadReport) -> Sightings:
             f"{path}: none of {len(rows)} sightings is of a barcode in {_BARCODES}; give the files of one set"
         )
     order = np.flatnonzero(good)[np.argsort(rows[good, 0], kind="stable")]
-    return Sightings(rows[order, 0].copy(), identity[order], rows[order, 2].copy(), rows[order, 3].copy())
+    return Sightings(rows[order, 0].copy(), identity[order], rows[order, 2].copy(), wrap(rows[order, 3]))
 
 
 def _identities(path: Path, barcodes: Array) -> Indices:

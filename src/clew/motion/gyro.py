@@ -67,6 +67,8 @@ class Gyro:
         Raises:
             InputError: numbers that cannot be used, or a keyframe before the first reading of either.
         """
+        if not (np.isfinite([bias, scale]).all() and scale > -1.0):
+            raise InputError(f"Gyro: bias {bias} and scale {scale} must be finite numbers, the scale above -1")
         frames = np.asarray(keyframes, np.float64)
         readings = []
         for name, stamps, values in (("rate", gyro_timestamps, rate), ("speed", speed_timestamps, speed)):

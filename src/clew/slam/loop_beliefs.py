@@ -94,17 +94,16 @@ class Beliefs:
             group: that agree with each other.
 
         Returns:
-            What was withdrawn for them; None if they are not believed.
+            What was withdrawn for them, and partial closures that they stand for; None if they are not believed.
         """
         before, poses = list(self._held), self._graph.poses.copy()
-        for closure in group:
-            self.add(closure)
+        replaced = [partial for closure in group for partial in self.add(closure)]
         self._graph.optimise()
         withdrawn = self.withdraw()
         ends = {(c.source, c.target) for c in group}
         lost = [c for c in withdrawn if (c.source, c.target) in ends]
         if not lost and len(withdrawn) <= len(group):
-            return withdrawn
+            return withdrawn + replaced
         for belief in self._held:
             self._graph.remove(belief.factor)
         self._held = []

@@ -109,10 +109,12 @@ class LoopCloser:
         if not proposals:
             return False
         if self._overturn(proposals):
+            same = [replace(p, verdict=Verdict.REDUNDANT) for p in proposals if p.verdict is Verdict.WAITING]
+            self._rejected.add([*same, *(p for p in proposals if p.verdict is not Verdict.WAITING)])
             return True
         accepted = self.accepted_count
         moved = self._decide(proposals)
-        if self.accepted_count == accepted or self._beliefs.held[-1].is_partial:
+        if all(c.is_partial for c in self._beliefs.held if c.source == source):
             self._open.append(source)
         if self.accepted_count > accepted + 1:  # with its supporters
             self._reopen({c.source for c in self._beliefs.held[accepted - self.accepted_count :]}, set())
@@ -308,7 +310,7 @@ class LoopCloser:
     def _is_tracked(self, closure: Closure) -> bool:
         distance, angle = self._config.closing.tracked
         known = closure.is_certain or closure.is_partial  # the latter tells nothing of what is not known
-        return known and bool(self._beliefs.held) and closure.innovation[0] < distance and closure.innovation[1] < angle
+        return known and len(self._beliefs) > 0 and closure.innovation[0] < distance and closure.innovation[1] < angle
 
     def _agree(self, a: Closure, b: Closure, freedom: Array | None = None) -> bool:
         paths = self._keyframes.paths

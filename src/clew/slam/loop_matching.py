@@ -52,7 +52,7 @@ class LoopMatcher:
         if not closure.is_partial and np.linalg.eigvalsh(np.linalg.inv(information)[:2, :2])[1] > UNKNOWN**2:
             partial = replace(closure, is_partial=True, information=of_returns)
             closure = replace(partial, information=self._information(partial, candidate))
-            if not candidate.may_slide:
+            if not candidate.may_slide and closure.verdict is Verdict.WAITING:
                 return replace(closure, verdict=Verdict.AMBIGUOUS)
         return self._gate(closure, candidate)
 

@@ -21,6 +21,7 @@ Array = NDArray[np.float64]
 PRIOR_WEIGHT = 20.0  # redundant numbers that the variance assumed beforehand counts for
 ROUNDS = 10
 CONDITIONED = 0.3  # share of the strongest direction's information from which on the weakest one follows the residuals
+TOLD = 1.0 / 0.01**2  # per square metre; what is known so much worse rests on odometry, not on returns
 BOTH_SCANS = 2.0  # the noise of a pair is that of two scans
 TINY = 1e-300
 
@@ -28,9 +29,10 @@ TINY = 1e-300
 def returns_once(pairs: NDArray[np.int32], count: int) -> Array:
     """Share ``(P,)`` of their returns that pairs ``(P, 2)`` of `count` keyframes may count as their own.
 
-    Each of ``n`` pairs that a scan is in has an ``n``-th, or what lies between the shares of its two scans.
+    A scan that is in ``n - 1`` pairs is one of ``n`` that see a surface: each pair has an ``n``-th, or what lies between
+    the shares of its two scans.
     """
-    times = np.bincount(pairs.reshape(-1), minlength=count)[pairs]
+    times = 1 + np.bincount(pairs.reshape(-1), minlength=count)[pairs]
     return np.asarray(1.0 / np.sqrt(times[:, 0] * times[:, 1]), dtype=np.float64)
 
 
@@ -65,7 +67,7 @@ def with_variance(information: Array, variance: float) -> Array:
     gain = BOTH_SCANS / variance
     values, vectors, unit = _directions(information)
     # Squared, so that what is a tenth as well known, and rests on odometry, is hardly touched.
-    follows = np.square(np.clip(values / np.maximum(CONDITIONED * values[:, 2:], TINY), 0.0, 1.0))
+    follows = np.square(np.clip(values / np.maximum(CONDITIONED * values[:, 2:], TOLD), 0.0, 1.0))
     gains = 1.0 + (gain - 1.0) * follows
     root = (vectors * np.sqrt(gains * values)[:, None, :]) / unit[:, :, None]
     return np.asarray(root @ np.swapaxes(root, 1, 2))

@@ -141,7 +141,8 @@ def refine(
         optimize(graph, init="file", update=True)
         moved_to = np.asarray(graph.values(numbers).array)
         if aligned is not None:
-            variance = pair_variance(aligned.errors(moved_to), aligned.information, len(numbers))
+            in_pairs = len(np.unique(aligned.rows))
+            variance = pair_variance(aligned.errors(moved_to), aligned.information, in_pairs)
         movement = float(np.max(np.hypot(*(moved_to - poses)[:, :2].T)))
         poses = moved_to
         if progress is not None:
@@ -212,4 +213,4 @@ def _align_part(
     # The pose of the returns alone, not the one that the prior holds back: it would confirm where the pair is now.
     size = np.hypot(np.hypot(fine.step[:, 0], fine.step[:, 1]), LEVER * fine.step[:, 2])
     step = fine.step * np.minimum(1.0, end / np.maximum(size, 1e-12))[:, None]
-    return se2.compose(fine.T_target_source, se2.exp(step)), fine.overlap, fine.information
+    return se2.retract(fine.T_target_source, step), fine.overlap, fine.information

@@ -87,7 +87,7 @@ def _motions(kind: type[Any], poses: Array, scale: bool) -> Array:
 
 def _poses(solution: Solution, keys: NDArray[np.int64]) -> tuple[type[Any], NDArray[np.int64]]:
     for kind in (SE2, SE3):
-        if kind in solution.kinds:
+        if kind in solution.kinds and len(solution.keys(kind)):
             known = solution.keys(kind)
             order = np.argsort(known)
             place = np.minimum(np.searchsorted(known, keys, sorter=order), len(known) - 1)

@@ -200,10 +200,24 @@ def make_tracks(logs: Sequence[SightingLog]) -> tuple[RobotTrack, ...]:
         raise InputError(f"robots {numbers}: each may occur once")
     highest = max([*numbers, *(int(log.landmarks.identity.max(initial=0)) for log in logs)])
     if highest >= KEYS_A_ROBOT or min(numbers) < 1:
-        raise InputError(f"numbers of robots and landmarks must be from 1 to {KEYS_A_ROBOT - 1}, got {highest}")
+        raise InputError(f"numbers of robots and landmarks must be from 1 to {KEYS_A_ROBOT - 1}, got "
+                         f"{min(numbers) if min(numbers) < 1 else highest}")
     ends = {log.robot: log.odometry.timestamp[[0, -1]] for log in logs}
     mates = {log.robot: _usable(log.robots, ends) for log in logs}
-    return tuple(_make_track(log, mates) for log in logs)
+    tracks = tuple(_make_track(log, mates) for log in logs)
+    for track in tracks:
+        _check_keys(track)
+    return tracks
+
+
+def _check_keys(track: RobotTrack) -> None:
+    """Each kind of variable of a robot has a range of keys of its own."""
+    log, first = track.log, track.log.robot * KEYS_A_ROBOT
+    ranges = ((track.keys, _CALIBRATION_KEYS), (track.drift_keys, _VIEW_KEYS),
+              (track.view_keys(log.landmarks), _MATE_VIEW_KEYS), (track.view_keys(log.robots), KEYS_A_ROBOT))
+    if any(keys.max(initial=0) >= first + end for keys, end in ranges):
+        raise InputError(f"{log.path}: {len(track.timestamps)} keyframes with {len(log.landmarks)} sightings are too "
+                         "many for one graph; cut the log")
 
 
 def _usable(seen: Sightings, ends: Mapping[int, Array]) -> Sightings:
