@@ -29,8 +29,8 @@ TINY = 1e-300
 def returns_once(pairs: NDArray[np.int32], count: int) -> Array:
     """Share ``(P,)`` of their returns that pairs ``(P, 2)`` of `count` keyframes may count as their own.
 
-    A scan that is in ``n - 1`` pairs is one of ``n`` that see a surface: each pair has an ``n``-th, or what lies between
-    the shares of its two scans.
+    A scan that is in ``n - 1`` pairs is one of ``n`` that see a surface: each pair has an ``n``-th, or what lies
+    between the shares of its two scans.
     """
     times = 1 + np.bincount(pairs.reshape(-1), minlength=count)[pairs]
     return np.asarray(1.0 / np.sqrt(times[:, 0] * times[:, 1]), dtype=np.float64)
