@@ -8,9 +8,12 @@ from numpy.typing import NDArray
 
 from clew.geometry import SE2, se2
 from clew.place import Verdict
+from clew.scan import LaserScan, extract_points
 from clew.sim import DriveModel, LaserModel, OdometryModel, drive, hall, simulate
-from clew.slam import Slam
+from clew.slam import Slam, SlamConfig
+from clew.slam.keyframes import Keyframe, KeyframeStore
 from clew.slam.loop_candidates import find_candidates
+from clew.slam.places import Places
 from slam.drives import mapped
 
 Array = NDArray[np.float64]
@@ -63,3 +66,22 @@ def test_a_place_is_found_after_thirty_metres_of_drift_with_the_robot_facing_the
         assert np.hypot(off[0], off[1]) < 0.1
         assert abs(off[2]) < 0.02
     assert max(m.innovation[0] for m in found) > 25.0
+
+
+def test_a_keyframe_that_saw_nothing_itself_is_no_place_and_looks_for_none() -> None:
+    """Submaps about it hold what its neighbours saw, and where it stands among that only odometry tells."""
+    keyframes = KeyframeStore()
+    seen = extract_points(LaserScan(0.0, np.full(181, 3.0), -np.pi / 2, np.pi / 180, 0.1, 30.0))
+    nothing = extract_points(LaserScan(0.0, np.full(181, np.inf), -np.pi / 2, np.pi / 180, 0.1, 30.0))
+    for k in range(120):
+        points = nothing if 12 <= k <= 20 or k == 110 else seen
+        keyframes.add(Keyframe(float(k), points, np.zeros(3), np.array([0.5 * k, 0, 0]), 0.5 * k, np.zeros(3),
+                               np.eye(3)))  # fmt: skip
+    places = Places(keyframes, SlamConfig())
+    everyone = np.arange(120)
+    anchors = everyone[places.are_anchors(everyone, 119)]
+    assert {8, 24} <= set(anchors.tolist())
+    assert not {12, 16, 20} & set(anchors.tolist())
+    assert places.can_close(111)
+    assert not places.can_close(110)
+    assert not places.can_close(3)

@@ -50,6 +50,7 @@ class KeyframeStore:
         self._keyframes: dict[int, Keyframe] = {}
         self._track: Growing[np.float64] = Growing((5,), np.float64)  # T_local_robot, path and time of all
         self._step_covariances: Growing[np.float64] = Growing((3, 3), np.float64)
+        self._returns: Growing[np.int32] = Growing((), np.int32)
         self._alive: Growing[np.bool_] = Growing((), np.bool_)
 
     def __len__(self) -> int:
@@ -68,6 +69,7 @@ class KeyframeStore:
         self._track.extend(1)[:] = (*keyframe.T_local_robot, keyframe.path, keyframe.timestamp)
         covariance = np.linalg.inv(keyframe.information) if index else np.zeros((3, 3))
         self._step_covariances.append(covariance[None])
+        self._returns.extend(1)[:] = len(keyframe.points)
         self._alive.extend(1)[:] = True
         self._keyframes[index] = keyframe
         return index
@@ -87,6 +89,11 @@ class KeyframeStore:
     def is_alive(self) -> NDArray[np.bool_]:
         """``(K,)`` whether each has not been dropped."""
         return self._alive.rows
+
+    @property
+    def returns(self) -> NDArray[np.int32]:
+        """``(K,)`` how many returns each had."""
+        return self._returns.rows
 
     @property
     def paths(self) -> Array:

@@ -101,7 +101,7 @@ class LoopCloser:
         options = self._config.closing
         if path - self._last_attempt < (options.every_known if known else options.every):
             return False
-        if not self._places.end(source):
+        if not self._places.can_close(source):
             return False
         self._last_attempt = path
         proposals = self._propose(source)

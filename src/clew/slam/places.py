@@ -16,6 +16,9 @@ from clew.slam.keyframes import KeyframeStore
 Array = NDArray[np.float64]
 
 QUERY_VOXEL = 0.05  # metres
+#: Returns of a keyframe that a closure may tie: one that saw hardly anything itself hangs on others only by the way
+#: between, which the match does not know.
+LEAST_RETURNS = 20
 
 
 @dataclass(frozen=True)
@@ -59,7 +62,12 @@ class Places:
 
     def are_anchors(self, keyframes: NDArray[np.int64], source: int) -> NDArray[np.bool_]:
         """Which keyframes carry a submap that a source may be matched against."""
-        return np.asarray((keyframes % self._options.anchor_every == 0) & (keyframes < self.end(source)))
+        counted = (keyframes % self._options.anchor_every == 0) & (keyframes < self.end(source))
+        return np.asarray(counted & (self._keyframes.returns[keyframes] >= LEAST_RETURNS))
+
+    def can_close(self, source: int) -> bool:
+        """Whether a keyframe saw enough itself, and places that it may be matched against lie before it."""
+        return self.end(source) > 0 and bool(self._keyframes.returns[source] >= LEAST_RETURNS)
 
     def submap(self, anchor: int) -> Submap:
         """The submap about an anchor; the latest ones asked for are kept."""
