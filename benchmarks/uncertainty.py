@@ -192,13 +192,13 @@ def cells(runs: list[Errors]) -> list[str]:
     if not runs:
         return ["-"] * 4
     means = np.array([run.mean for run in runs])
-    deviation = means.std(ddof=1) / np.sqrt(len(means)) if len(means) > 1 else float("nan")
+    deviation = f"{means.std(ddof=1) / np.sqrt(len(means)):.2f}" if len(means) > 1 else "-"
     freedom = 3 * sum(effective_count(run.squared) for run in runs)
     low, high = chi2.ppf([0.025, 0.975], freedom) / freedom
     names = ("squared", "distance", "stated")
     total = Errors(*(np.concatenate([getattr(run, name) for run in runs]) for name in names))
     true, stated = (100 * float(np.sqrt(np.mean(np.square(v)))) for v in (total.distance, total.stated))
-    return [f"{means.mean():.2f} ± {deviation:.2f}", f"{low:.2f} to {high:.2f}", f"{100 * total.inside:.0f}",
+    return [f"{means.mean():.2f} ± {deviation}", f"{low:.2f} to {high:.2f}", f"{100 * total.inside:.0f}",
             f"{true:.2f} / {stated:.2f}"]
 
 

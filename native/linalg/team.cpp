@@ -1,6 +1,6 @@
 #include "linalg/team.hpp"
 
-#include <system_error>
+#include <exception>
 
 namespace clew::linalg {
 

@@ -77,7 +77,9 @@ def test_only_what_has_changed_is_compared_again() -> None:
     keys, points, deviation = np.array([3, 5, 9]), np.zeros((3, 2)), np.full(3, 0.2)
     compared = Compared()
     assert compared.changed(keys, points, deviation).all()
-    compared.take(keys, points, deviation)
+    compared.take(keys, points, deviation, keys == 5)
+    assert compared.changed(keys, points, deviation).tolist() == [False, True, False]  # left for the next time
+    compared.take(keys, points, deviation, np.zeros(3, bool))
     assert not compared.changed(keys, points + 0.05, deviation).any()
     moved = points + np.array([[0.0, 0.0], [0.15, 0.0], [0.0, 0.0]])
     assert compared.changed(keys, moved, deviation).tolist() == [False, True, False]

@@ -40,7 +40,7 @@ def write_outputs(
         keyframes=every.T_world_robot,
         closures_accepted=pairs,
         title=title,
-        subtitle=f"{len(trajectory):,} scans, {len(every):,} keyframes, {len(pairs):,} closures",
+        subtitle=f"{len(trajectory):,} scans, {len(keyframes):,} keyframes, {len(pairs):,} closures",
     )
     return grid
 

@@ -84,16 +84,12 @@ class GridIndex:
         """
         radius = self._cell
         while True:
-            near = self.within(point, radius)
-            near = near[accept(near)]
-            if len(near) >= count or radius > self._reach(point):
+            found = self.within(point, radius)
+            near = found[accept(found)]
+            if len(near) >= count or len(found) == len(self):
                 order = np.argsort(self._distances(point, near), kind="stable")
                 return near[order[:count]]
             radius *= 2.0
-
-    def _reach(self, point: Array) -> float:
-        """A radius within which everything lies."""
-        return float(self._distances(point, np.flatnonzero(self._present)).max(initial=0.0))
 
     def _distances(self, point: Array, numbers: Index) -> Array:
         return np.asarray(np.hypot(*(self._points[numbers] - point).T))

@@ -137,7 +137,7 @@ class ScanMatcher:
             local_map.index, source, pair, fine.T_target_source, fine.information, self._sensor.alignment
         )
         clean = without_normal_noise(worth * held, self._sensor.normal_variance, source.moments())
-        return pose, se2.compose(pose, fine.step[0]), clean[0]
+        return pose, np.asarray(se2.retract(pose, fine.step[0])), clean[0]
 
     @staticmethod
     def _slip(predicted: Array, T_returns: Array, prior: Array, information: Array) -> float:

@@ -120,19 +120,18 @@ def refine(
         graph: odometry and closures; keys are the numbers of the keyframes, values are where to begin. Left as it is.
         config: `SlamConfig.refinement` and `threads` are used.
         sensor: how returns are weighted.
-        progress: called with the rounds done, beginning with 0, and the most there can be.
+        progress: called after each round with the rounds done and the most there can be.
         stop: asked after each round whether to leave it at that.
     """
     options = config.refinement
-    if progress is not None:
-        progress(0, options.rounds)
     indexed = [index_cloud(cloud) for cloud in clouds]
+    moments = np.concatenate([cloud.as_sources().moments() for cloud in indexed])
     graph = graph.copy()
     poses = np.asarray(graph.values(numbers).array)
     steps, placed = _steps(graph)
     variance = 1.0
     for round_ in range(options.rounds):
-        aligned = _align_pairs(indexed, numbers, poses, round_, config, sensor)
+        aligned = _align_pairs(indexed, moments, numbers, poses, round_, config, sensor)
         graph.remove(placed)
         weighed = [_weighed(step, variance) for step in steps]
         if aligned is not None:
@@ -174,7 +173,8 @@ def _weighed(step: Between, variance: float) -> Between:
 
 
 def _align_pairs(
-    clouds: list[IndexedClouds], numbers: Index, poses: Array, round_: int, config: SlamConfig, sensor: SensorModel
+    clouds: list[IndexedClouds], moments: Array, numbers: Index, poses: Array, round_: int, config: SlamConfig,
+    sensor: SensorModel,
 ) -> _Pairs | None:
     """All overlapping pairs, aligned from the present poses."""
     options = config.refinement
@@ -190,8 +190,7 @@ def _align_pairs(
     good = overlap >= options.overlap
     if not good.any():
         return None
-    moments = np.concatenate([cloud.as_sources().moments() for cloud in clouds])[pairs[good, 1]]
-    of_returns = without_normal_noise(returns[good], sensor.normal_variance + BENT_ENDS**2, moments)
+    of_returns = without_normal_noise(returns[good], sensor.normal_variance + BENT_ENDS**2, moments[pairs[good, 1]])
     worth = sensor.return_information(options.information_scale)
     return _Pairs(pairs[good], T[good], worth * of_returns, returns_once(pairs[good], len(numbers)))
 

@@ -167,6 +167,8 @@ class Slam:
         """
         if len(self._keyframes) < 2:
             return
+        if progress is not None:
+            progress(0, self.config.refinement.rounds)
         self.optimise()
         numbers = self._keyframes.alive
         clouds = self._scans.still_returns(

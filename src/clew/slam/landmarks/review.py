@@ -63,9 +63,9 @@ class Compared:
         changed: Flags = (self.keys[row] != keys) | moved | (deviation < _SURER * self.deviation[row])
         return changed
 
-    def take(self, keys: Indices, points: Array, deviation: Array) -> None:
-        """All have been compared."""
-        self.keys, self.points, self.deviation = keys, points, deviation
+    def take(self, keys: Indices, points: Array, deviation: Array, left: Flags) -> None:
+        """All have been compared but those that are left for the next time."""
+        self.keys, self.points, self.deviation = keys[~left], points[~left], deviation[~left]
 
 
 def join(solution: Solution, seen: Seen, compared: Compared) -> dict[int, int]:
@@ -87,9 +87,13 @@ def join(solution: Solution, seen: Seen, compared: Compared) -> dict[int, int]:
     new = compared.changed(keys, points, deviation)
     apart = _seen_together(seen.pose, landmark, keys)
     chosen = _near_another(points, np.sqrt(_DOUBT) * deviation, new, apart)
+    left = np.zeros(len(keys), bool)
     if len(chosen) < 2:
-        compared.take(keys, points, deviation)
+        compared.take(keys, points, deviation, left)
         return {}
+    if len(chosen) == _MOST:
+        left |= new
+        left[chosen] = False
     some, apart = keys[chosen], apart[np.ix_(chosen, chosen)]
     covariance, count = solution.joint_covariance(some), counts[chosen]
     pairs = join_landmarks(points[chosen], covariance, apart, density)
@@ -97,7 +101,7 @@ def join(solution: Solution, seen: Seen, compared: Compared) -> dict[int, int]:
         apart |= (count == 1)[:, None] | (count == 1)  # whether a single sighting is an outlier is seen at the end
         pairs = join_landmarks(points[chosen], _DOUBT * covariance, apart, density)
     if not pairs:
-        compared.take(keys, points, deviation)
+        compared.take(keys, points, deviation, left)
     into: dict[int, int] = {}
     for a, b in pairs:
         kept, gone = (a, b) if count[a] >= count[b] else (b, a)
