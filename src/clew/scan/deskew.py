@@ -17,27 +17,28 @@ def deskew(scan: LaserScan, velocity: Array) -> LaserScan:
     """The scan as it would have been measured all at once, at its timestamp.
 
     Args:
-        scan: with the time between its beams; without it comes back as it is.
+        scan: with the moments of its beams; without them it comes back as it is.
         velocity: ``(3,)`` body velocity of the robot during the sweep, metres and radians a second.
 
     Returns:
-        A scan whose ranges and `bearings` hold the same returns seen from where the first beam was measured. A beam
+        A scan whose ranges and `bearings` hold the same returns seen from where the robot was at the timestamp. A beam
         without return keeps none and is turned with the robot.
     """
-    if scan.time_increment == 0.0 or not np.any(velocity):
+    if not scan.is_sweep or not np.any(velocity):
         return scan
-    seconds = scan.time_increment * np.arange(len(scan.ranges))
+    seconds = scan.delays
     at = np.asarray(scan.T_robot_sensor, dtype=np.float64)
-    T_first_beam = se2.compose(se2.inverse(at), se2.compose(se2.exp(seconds[:, None] * velocity), at))
-    directions = T_first_beam[:, 2] + scan.angles
+    T_sensor_beam = se2.compose(se2.inverse(at), se2.compose(se2.exp(seconds[:, None] * velocity), at))
+    directions = T_sensor_beam[:, 2] + scan.angles
     met = np.isfinite(scan.ranges)
     r = np.where(met, scan.ranges, 0.0)
-    x, y = T_first_beam[:, 0] + r * np.cos(directions), T_first_beam[:, 1] + r * np.sin(directions)
+    x, y = T_sensor_beam[:, 0] + r * np.cos(directions), T_sensor_beam[:, 1] + r * np.sin(directions)
     return replace(
         scan,
         ranges=np.where(met, np.hypot(x, y), scan.ranges),
         bearings=np.where(met, np.arctan2(y, x), directions),
         time_increment=0.0,
+        moments=None,
     )
 
 

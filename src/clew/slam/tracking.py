@@ -36,7 +36,8 @@ class TrackedScan:
         keyframe: index of the keyframe that the pose is relative to.
         T_keyframe_robot: ``(3,)``.
         is_keyframe: whether the scan became that keyframe.
-        scan: as it would have been measured all at once, at its timestamp.
+        scan: as it would have been measured all at once, at its timestamp,
+        velocity: ``(3,)`` and the body velocity that was taken out of it.
         covariance: ``(3, 3)`` of the pose seen from the keyframe that it was tracked against, in its own tangent.
     """
 
@@ -44,6 +45,7 @@ class TrackedScan:
     T_keyframe_robot: Array
     is_keyframe: bool
     scan: LaserScan
+    velocity: Array
     covariance: Array
 
 
@@ -77,25 +79,28 @@ class Tracker:
         """Pose of the robot at a scan, and the scan without the robot's motion during its sweep.
 
         Args:
-            scan: as it was recorded.
+            scan: as it was recorded, with the moments of its beams where they are known.
             T_odom_robot: ``(3,)``, None where there is no odometry.
             velocity: ``(3,)`` body velocity during the sweep by odometry; without it the match tells.
         """
-        still = deskew(scan, self._predictor.velocity if velocity is None else velocity)
         if self._map is None:
-            return self._first(still, T_odom_robot)
+            during = np.zeros(3) if velocity is None else velocity
+            return self._first(deskew(scan, during), T_odom_robot, during)
         prediction = self._predictor.predict(scan.timestamp, T_odom_robot)
         increment = prediction.increment
+        during = self._predictor.velocity_to(scan.timestamp, increment) if velocity is None else velocity
+        still = deskew(scan, during)
         if prediction.by_odometry and self._stands(increment, scan.timestamp) and not self._looks_elsewhere(still):
             predicted = se2.compose(self._T_keyframe_robot, increment)
-            return TrackedScan(len(self._keyframes) - 1, predicted, False, still, self._carried_on(prediction))
+            carried = self._carried_on(prediction)
+            return TrackedScan(len(self._keyframes) - 1, predicted, False, still, during, carried)
         points = extract_points(still, self._config.cleaning)
         match = self._match(points, prediction)
         if prediction.by_odometry and not match.matched:  # odometry may be what misleads
             again = self._match(points, self._predictor.by_velocity(scan.timestamp))
             match = again if again.matched else match
-        if velocity is None and scan.time_increment > 0.0:
-            still, points, match = self._match_sweep(scan, still, points, match, prediction)
+        if velocity is None and scan.is_sweep:
+            still, points, match, during = self._match_sweep(scan, still, points, match, prediction, during)
         moved = se2.between(self._T_keyframe_robot, match.pose)
         self._predictor.moved(scan.timestamp, T_odom_robot, moved, match.information)
         self._T_keyframe_robot, self._covariance, self._scan = match.pose, match.covariance, still
@@ -104,40 +109,41 @@ class Tracker:
         if self._starts_keyframe(scan.timestamp):
             self._predictor.keyframe(T_odom_robot, match.T_returns, match.information)
             index = self._add_keyframe(still, points, match.of_returns)
-            return TrackedScan(index, np.zeros(3), True, still, covariance)
-        return TrackedScan(len(self._keyframes) - 1, match.pose, False, still, covariance)
+            return TrackedScan(index, np.zeros(3), True, still, during, covariance)
+        return TrackedScan(len(self._keyframes) - 1, match.pose, False, still, during, covariance)
 
     def _match_sweep(
-        self, scan: LaserScan, still: LaserScan, points: ScanPoints, match: Match, prediction: Prediction
-    ) -> tuple[LaserScan, ScanPoints, Match]:
+        self, scan: LaserScan, still: LaserScan, points: ScanPoints, match: Match, prediction: Prediction,
+        velocity: Array,
+    ) -> tuple[LaserScan, ScanPoints, Match, Array]:
         """Pose and motion during the sweep that agree with each other.
 
         A velocity that is too large takes too much motion out of the scan, so that its match lies too far back, by up
         to the whole sweep, and the next velocity is too small by as much and more: the error would grow from scan to
         scan. The velocity that leads to this very pose does not have that (an implicit step in place of an explicit
-        one).
+        one). Where the timestamp is the middle of the scan, the pose hardly depends on the velocity.
         """
-        sweep = scan.time_increment * len(scan.ranges)
-        velocity = self._predictor.velocity
+        first, last = scan.span
+        sweep, share = last - first, 1.0 if scan.moments is not None else SWEEP_SHARE
         for _ in range(SWEEP_ROUNDS):
             if not match.matched:
                 break
             found = self._predictor.velocity_to(scan.timestamp, se2.between(self._T_keyframe_robot, match.pose))
-            change = SWEEP_SHARE * (found - velocity)
+            change = share * (found - velocity)
             velocity = velocity + change
             still = deskew(scan, velocity)
             if sweep * (np.hypot(change[0], change[1]) + SWEEP_LEVER * abs(change[2])) < SWEEP_STEADY:
                 break
             points = extract_points(still, self._config.cleaning)
             match = self._match(points, prediction)
-        return still, points, match
+        return still, points, match, velocity
 
-    def _first(self, scan: LaserScan, T_odom_robot: Array | None) -> TrackedScan:
+    def _first(self, scan: LaserScan, T_odom_robot: Array | None, velocity: Array) -> TrackedScan:
         self._predictor.start(scan.timestamp, T_odom_robot)
         points = extract_points(scan, self._config.cleaning)
         self._scan = scan
         index = self._add_keyframe(scan, points, np.zeros((3, 3)))
-        return TrackedScan(index, np.zeros(3), True, scan, np.zeros((3, 3)))
+        return TrackedScan(index, np.zeros(3), True, scan, velocity, np.zeros((3, 3)))
 
     def _stands(self, increment: Array, timestamp: float) -> bool:
         """Whether the robot has hardly moved since the last matched scan, as odometry has it.
