@@ -93,7 +93,7 @@ class _Search:
 
 def find_beam_times(
     scans: Sequence[LaserScan], T_world_robot: Array, velocities: Array, steady: NDArray[np.bool_], period: float,
-    cleaning: CleaningOptions | None = None, share: float = 1.0,
+    cleaning: CleaningOptions | None = None, share: float = 1.0, start: BeamTimes | None = None,
 ) -> BeamTimes:
     """Moments of the beams, as far as scans tell them for sure; zero what they do not tell.
 
@@ -108,20 +108,22 @@ def find_beam_times(
         period: seconds from one scan to the next; none takes longer.
         cleaning: how returns are made of scans.
         share: of the scans and pairs that are looked at most; less is less sure and faster.
+        start: what is believed so far; the result is found the sooner.
     """
     cleaning = cleaning or CleaningOptions()
+    start = start or BeamTimes()
     speed = np.hypot(np.hypot(velocities[:, 0], velocities[:, 1]), LEVER * velocities[:, 2])
     usable = np.flatnonzero(steady & (speed >= LEAST_SPEED))
     fastest = usable[np.argsort(-speed[usable], kind="stable")][: int(share * SCANS)]
-    found = BeamTimes()
+    found = BeamTimes(sweep=start.sweep)
     if len(fastest) >= LEAST_SCANS:
         rows = np.sort(fastest)
-        found = _interlace([scans[i] for i in rows], velocities[rows], cleaning)
+        found = _interlace([scans[i] for i in rows], velocities[rows], start, cleaning)
         if not _counts(found.interlace, found.interlace_deviation, period):
             found = replace(found, interlace=0.0)
     pairs = _telling_pairs(T_world_robot, velocities, usable, int(share * PAIRS))
     if len(pairs) < LEAST_PAIRS:
-        return found
+        return replace(found, sweep=0.0)
     rows, local = np.unique(pairs, return_inverse=True)
     of_pairs = [scans[i] for i in rows]
     found = _sweep(of_pairs, T_world_robot[rows], velocities[rows], local.reshape(-1, 2), found, cleaning)
@@ -146,9 +148,11 @@ def _weights(residuals: Array) -> Array:
     return np.asarray(1.0 / (1.0 + np.square(residuals / max(scale, TINY))))
 
 
-def _interlace(scans: Sequence[LaserScan], velocities: Array, cleaning: CleaningOptions) -> BeamTimes:
+def _interlace(
+    scans: Sequence[LaserScan], velocities: Array, found: BeamTimes, cleaning: CleaningOptions
+) -> BeamTimes:
     """By how far returns lie beside the line between their neighbours."""
-    found, search = BeamTimes(), _Search()
+    search = _Search()
     for _ in range(ROUNDS):
         parts = []
         for scan, velocity in zip(scans, velocities, strict=True):

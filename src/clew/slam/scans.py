@@ -107,18 +107,18 @@ class ScanStore:
         return self._T_odom_robot.rows
 
     def still_returns(
-        self, keyframes: Index, clouds: Sequence[ScanPoints], T_world_robot: Array, cleaning: CleaningOptions
+        self, keyframes: Index, clouds: Sequence[ScanPoints] | None, T_world_robot: Array, cleaning: CleaningOptions
     ) -> list[ScanPoints]:
         """Returns of keyframes without those from things that moved, by what the keyframes saw of their places.
 
         Args:
             keyframes: ``(K,)`` numbers of keyframes that are kept.
-            clouds: their returns,
+            clouds: their returns, None to make them anew,
             T_world_robot: ``(K, 3)`` and poses.
             cleaning: how returns are made of scans.
         """
         scans = [kept.still for kept in self.of_keyframes(keyframes)]
-        still = list(clouds)
+        still = [extract_points(scan, cleaning) for scan in scans] if clouds is None else list(clouds)
         for row, moved in enumerate(moving_returns(scans, T_world_robot)):
             if moved.any():
                 ranges = np.where(moved, np.nan, scans[row].ranges).astype(np.float64)

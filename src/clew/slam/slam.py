@@ -14,7 +14,7 @@ from clew.graph import FactorGraph
 from clew.mapping import OccupancyGrid, build_occupancy_grid, moving_returns
 from clew.motion import Odometry, OdometryBuffer, body_velocities
 from clew.place import Closure
-from clew.scan import LaserScan, ScanPoints, extract_points
+from clew.scan import LaserScan
 from clew.slam.config import SlamConfig
 from clew.slam.keyframes import KeyframeStore
 from clew.slam.loop_closing import LoopCloser
@@ -188,27 +188,26 @@ class Slam:
             progress(0, self.config.refinement.rounds)
         self.optimise()
         numbers = self._keyframes.alive
-        clouds = self._scans.still_returns(
-            numbers, self._clouds_at_once(numbers), self._pose_graph.poses[numbers], self.config.cleaning
-        )
+        known = None if self._retime(numbers) else self._keyframes.clouds(numbers)
+        clouds = self._scans.still_returns(numbers, known, self._pose_graph.poses[numbers], self.config.cleaning)
         self._refined = refine(clouds, numbers, self._pose_graph.graph, self.config, self._sensor, progress, stop)
         self._pose_graph.set_poses(np.asarray(self._refined.values(SE2).array))
         self._viewer.moved(self)
 
-    def _clouds_at_once(self, numbers: NDArray[np.int64]) -> list[ScanPoints]:
-        """Returns of keyframes, without the motion within their scans that the whole trajectory tells."""
+    def _retime(self, numbers: NDArray[np.int64]) -> bool:
+        """Find the moments of the beams again, with the whole trajectory and scans of some keyframes; whether motion
+        within scans is now taken out otherwise than it was."""
         if self._sensor.tells_beam_times:
-            return self._keyframes.clouds(numbers)
+            return False
         kept = self._scans.of_keyframes(numbers)
         stamps, poses = self._scans.timestamps, self.trajectory.T_world_robot
-        rows = np.array([k.number for k in kept])
-        before = self._sensor.beam_times
-        found = beam_times_of(stamps, poses, rows, [k.scan for k in kept], self.config.cleaning)
+        before, rows = self._sensor.beam_times, np.array([k.number for k in kept])
+        found = beam_times_of(stamps, poses, rows, [k.scan for k in kept], self.config.cleaning, start=before)
         if not before and not found:
-            return self._keyframes.clouds(numbers)
+            return False
         self._sensor.beam_times = found
         self._scans.retime(found, body_velocities(stamps, poses).velocity)
-        return [extract_points(k.still, self.config.cleaning) for k in self._scans.of_keyframes(numbers)]
+        return True
 
     # --- answers out ------------------------------------------------------------------------------------------------
 

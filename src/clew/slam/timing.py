@@ -25,7 +25,7 @@ def look_now(keyframes: int) -> bool:
 
 def beam_times_of(
     timestamps: Array, poses: Array, numbers: Index, scans: Sequence[LaserScan], cleaning: CleaningOptions,
-    share: float = 1.0,
+    share: float = 1.0, start: BeamTimes | None = None,
 ) -> BeamTimes:
     """Moments of beams, as far as a trajectory and some of its scans tell them for sure (`find_beam_times`).
 
@@ -38,12 +38,12 @@ def beam_times_of(
         numbers: ``(S,)`` which of them
         scans: are given, as they were recorded; moments that they have do not count.
         cleaning: how returns are made of scans.
-        share: as in `find_beam_times`.
+        share, start: as in `find_beam_times`.
     """
     if not are_regular(timestamps):
         return BeamTimes()
     moved = body_velocities(timestamps, poses)
     period = float(np.median(np.diff(timestamps)))
     return find_beam_times(
-        scans, poses[numbers], moved.velocity[numbers], moved.steady[numbers], period, cleaning, share
+        scans, poses[numbers], moved.velocity[numbers], moved.steady[numbers], period, cleaning, share, start
     )

@@ -26,6 +26,7 @@ SWEEP_ROUNDS = 3  # matches at most that find pose and motion during the sweep t
 SWEEP_SHARE = 0.6  # by so much of the difference at a time,
 SWEEP_STEADY = 0.002  # until what is still to be moved in a sweep is less, metres, and a hundredth of a radian for 5 m
 SWEEP_LEVER = 5.0  # metres
+SWEEP_BLUR = 0.01  # metres; as `SWEEP_STEADY`, about the middle of a scan, where the pose hardly depends on the motion
 
 
 @dataclass(frozen=True)
@@ -124,7 +125,9 @@ class Tracker:
         one). Where the timestamp is the middle of the scan, the pose hardly depends on the velocity.
         """
         first, last = scan.span
-        sweep, share = last - first, 1.0 if scan.moments is not None else SWEEP_SHARE
+        sweep, share, least = last - first, SWEEP_SHARE, SWEEP_STEADY
+        if scan.moments is not None:
+            sweep, share, least = 0.5 * sweep, 1.0, SWEEP_BLUR
         for _ in range(SWEEP_ROUNDS):
             if not match.matched:
                 break
@@ -132,10 +135,10 @@ class Tracker:
             change = share * (found - velocity)
             velocity = velocity + change
             still = deskew(scan, velocity)
-            if sweep * (np.hypot(change[0], change[1]) + SWEEP_LEVER * abs(change[2])) < SWEEP_STEADY:
+            if sweep * (np.hypot(change[0], change[1]) + SWEEP_LEVER * abs(change[2])) < least:
                 break
             points = extract_points(still, self._config.cleaning)
-            match = self._match(points, prediction)
+            match = self._match(points, prediction, None if scan.moments is None else match.pose)
         return still, points, match, velocity
 
     def _first(self, scan: LaserScan, T_odom_robot: Array | None, velocity: Array) -> TrackedScan:
@@ -167,9 +170,9 @@ class Tracker:
         limit = CHANGE_SIGMAS * self._sensor.range_noise + self._config.tracking.still_distance
         return bool(np.count_nonzero(change > limit) > CHANGED_SHARE * max(len(change), 1))
 
-    def _match(self, points: ScanPoints, prediction: Prediction) -> Match:
+    def _match(self, points: ScanPoints, prediction: Prediction, near: Array | None = None) -> Match:
         assert self._map is not None
-        return self._matcher.match(self._map, points, self._T_keyframe_robot, self._covariance, prediction)
+        return self._matcher.match(self._map, points, self._T_keyframe_robot, self._covariance, prediction, near)
 
     def _step_covariance(self) -> Array:
         """``(3, 3)`` of the pose seen from the last keyframe, in its own tangent.
