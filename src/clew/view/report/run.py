@@ -195,7 +195,7 @@ def _log_section(health: LogHealth | None, skipped: Mapping[str, int], slip: Odo
     if health is not None:
         laser = health.laser
         begin = health.scans.first
-        for stream in (health.scans, health.odometry):
+        for stream in (health.scans, health.odometry, None if health.gyro is None else health.gyro.stream):
             if stream is not None:
                 facts.append((capital(stream.name)[:-1], f"{stream.count:,} records, {stream.rate:.1f} a second"))
                 gaps += _interruptions(stream, begin)
