@@ -15,8 +15,8 @@ Array = NDArray[np.float64]
 WINDOW = 300  # turns that the estimate rests on: biases wander with temperature
 EVERY = 4  # turns between two estimates
 FLOOR = 0.0005  # radians; deviation of any turn (time stamps)
-ALONG = (0.8, 1.25)  # slopes of the turns of the robot over those of a gyro that works
-TURNED = 1.0  # radians; root of the sum of squared turns from which that can be told
+ALONG = (0.8, 1.25)  # slopes of the turns of a gyro that works over those of the robot
+TURNED = 0.7  # radians; root of the sum of squared turns of the robot from which that can be told
 
 
 @dataclass(frozen=True)
@@ -100,7 +100,7 @@ class GyroCalibration:
 
     Attributes:
         quality: what is known so far.
-        slope: how much the robot turns for each radian that the gyro tells, None before it has turned enough. Near one
+        slope: how much the gyro tells for each radian that the robot turns, None before it has turned enough. Near one
             for any gyro that works, -1 for one mounted upside down that nobody told of.
     """
 
@@ -126,16 +126,20 @@ class GyroCalibration:
             self._estimate()
 
     @property
+    def proven(self) -> bool:
+        """Whether the gyro has been seen to turn as the robot does."""
+        return self.slope is not None and self.turns_along
+
+    @property
     def turns_along(self) -> bool:
         """Whether the gyro turns as the robot does, as far as is known."""
         return self.slope is None or ALONG[0] < self.slope < ALONG[1]
 
     def _find_slope(self, told: Array, measured: Array, known: Array) -> float | None:
-        told = told[:, 1] - told[:, 0] * self.quality.coefficients[0]
-        squares = float(known @ told**2)
-        if np.sqrt(known @ measured**2) < TURNED:
+        squares = float(known @ measured**2)
+        if squares < TURNED**2:
             return None
-        return float(known @ (told * measured)) / squares if squares > 0.0 else 0.0
+        return float(known @ ((told[:, 1] - told[:, 0] * self.quality.coefficients[0]) * measured)) / squares
 
     def _estimate(self) -> None:
         rows = np.array(self._rows)

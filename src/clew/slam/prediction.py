@@ -162,7 +162,8 @@ class MotionPredictor:
         """A prediction whose turn is told by the gyro, too, each weighted by its variance.
 
         Errors of odometry have heavy tails (wheels slip), those of a gyro have not: what contradicts the gyro is worth
-        less, as in Student's t distribution (Lange, Little, Taylor 1989).
+        less, as in Student's t distribution (Lange, Little, Taylor 1989). Before the gyro has been seen to turn with
+        the robot, it is worth as much less itself.
         """
         if told is None or not self.trusts_gyro:
             return prediction
@@ -170,7 +171,9 @@ class MotionPredictor:
         variance, of_gyro = float(prediction.covariance[2, 2]), gyro.variance(told)
         difference = float(wrap(gyro.correct(told) - prediction.increment[2]))
         squared = difference**2 / (variance + of_gyro)
-        variance *= (FREEDOM + squared) / (FREEDOM + 1.0) if squared > 1.0 else 1.0
+        tail = (FREEDOM + squared) / (FREEDOM + 1.0) if squared > 1.0 else 1.0
+        variance *= tail
+        of_gyro *= 1.0 if self._sensor.gyro.proven else tail
         share = variance / (variance + of_gyro)
         twist = np.asarray(se2.log(prediction.increment), dtype=np.float64)
         twist[2] += share * difference

@@ -152,7 +152,7 @@ class SensorModel:
         slope = 1.0 if self.gyro.slope is None else self.gyro.slope
         if slope < -0.5:
             doubts.append("the gyro turns the other way: the IMU seems mounted upside down, and no transform says so")
-        elif 40.0 < 1.0 / max(slope, 1e-3) < 80.0:
+        elif 40.0 < slope < 80.0:
             doubts.append("the gyro seems to tell degrees a second; rates should be radians a second")
         elif not self.gyro.turns_along:
             doubts.append("the gyro does not turn as the robot does: it is broken, or lies about another axis")
