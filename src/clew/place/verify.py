@@ -15,7 +15,7 @@ from clew.scan import Alignment, AlignmentOptions, ScanPoints, SourceClouds, ali
 Array = NDArray[np.float64]
 
 FITS, MISSES = 0.6, 0.2  # likelihoods of a return on a surface, and of one beside it
-TELLING_STEP = 0.1  # metres
+FINE_STEP, STEP = 0.1, 0.2  # metres; between offsets along a corridor, about the match and farther off
 ALONG = 0.97  # cosine of 14 degrees: how well the poses of a search tell the direction of a corridor
 
 
@@ -49,7 +49,7 @@ class VerificationOptions:
     rival_search: float = 0.8
     slide_angle: float = 0.05
     slide_share: float = 0.3
-    telling: int = 12
+    telling: int = 8
     telling_ratio: float = 4.0
     overlap: float = 0.55
     rms: float = 0.035
@@ -140,14 +140,15 @@ def verify(
     weakest = _weakest(information, options.slide_share)
     is_partial = False
     if weakest is not None and (T_rival is None or _is_along(weakest, best.T_target_source, T_rival)):
-        telling = _telling(submap, thin.points, fine.T_target_source[0], weakest, centre, half_window, options)
-        closure = replace(closure, telling=telling)
-        is_partial = telling < options.telling
+        telling, within = _telling(submap, thin.points, fine.T_target_source[0], weakest, centre, half_window, options)
+        is_partial = within > options.rival_distance
+        closure = replace(closure, telling=telling, within=0.0 if is_partial else within)
     elif T_rival is not None:
         return ambiguous
     if is_partial:
         if not may_slide:
-            return replace(ambiguous, telling=closure.telling)
+            across = _without(information, weakest)
+            return replace(ambiguous, telling=closure.telling, information=across, is_partial=True)
         fine, information = aligned(_slid(fine.T_target_source[0], weakest, T_predicted))
         weakest = _weakest(information, options.slide_share)
         if weakest is None:
@@ -235,29 +236,33 @@ def _is_along(direction: Array, best: Array, rival: Array) -> bool:
 def _telling(
     submap: Submap, points: Array, T: Array, direction: Array, centre: Array, half_window: Array,
     options: VerificationOptions,
-) -> int:
-    """How many returns tell a match from the one that rivals it most along a line, within the window.
+) -> tuple[int, float]:
+    """How many returns tell a match from those that rival it along a line, in the window, and from those nearer than
+    what they do not, metres.
 
     The likelihood of all returns is the same all along a bare corridor, but for a few in a hundred; and it is less
     where less of the query lies in what the submap has seen, be the match right or wrong. So only returns count that
     the submap has seen the place of in both poses, and that fit in one of them alone.
     """
-    line = _turned(T, direction)
-    middle = float(line @ (centre[:2] - T[:2]))
-    half = float(np.abs(line) @ half_window[:2])
-    offsets = np.arange(middle - half, middle + half + TELLING_STEP, TELLING_STEP)
-    offsets = offsets[np.abs(offsets) > options.rival_distance]
+    line, apart = _turned(T, direction), options.rival_distance
+    middle, half = float(line @ (centre[:2] - T[:2])), float(np.abs(line) @ half_window[:2])
+    near, far = np.arange(FINE_STEP, apart, FINE_STEP), np.arange(apart, abs(middle) + half + STEP, STEP)
+    offsets = np.concatenate([-far[::-1], -near[::-1], near, far])
+    offsets = offsets[np.abs(offsets - middle) < half + STEP]
     here = se2.act(T, points)
-    seen = submap.observes(here)
-    here = here[seen]
+    here = here[submap.observes(here)]
     if not len(offsets):
-        return len(here)
-    there = here + offsets[:, None, None] * line
-    both = submap.observes(there.reshape(-1, 2)).reshape(there.shape[:2])
-    at_best, elsewhere = submap.likelihoods(here), submap.likelihoods(there.reshape(-1, 2)).reshape(both.shape)
+        return len(here), FINE_STEP
+    there = (here + offsets[:, None, None] * line).reshape(-1, 2)
+    shape = (len(offsets), len(here))
+    both, elsewhere = submap.observes(there).reshape(shape), submap.likelihoods(there).reshape(shape)
+    at_best = submap.likelihoods(here)
     for_it = np.count_nonzero(both & (at_best > FITS) & (elsewhere < MISSES), axis=1)
     against = np.count_nonzero(both & (at_best < MISSES) & (elsewhere > FITS), axis=1)
-    return int(np.where(for_it >= options.telling_ratio * against, for_it - against, 0).min())
+    telling = np.where(for_it >= options.telling_ratio * against, for_it - against, 0)
+    untold = np.abs(offsets[telling < options.telling])
+    is_far = np.abs(offsets) >= apart
+    return int(telling[is_far].min(initial=len(here))), float(untold.max(initial=0.0)) + FINE_STEP
 
 
 def _weakest(information: Array, share: float) -> Array | None:

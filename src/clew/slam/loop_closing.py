@@ -19,7 +19,7 @@ from clew.slam.loop_matching import LoopMatcher
 from clew.slam.loop_sequences import SequenceMatcher
 from clew.slam.loop_uncertainty import way_covariance
 from clew.slam.places import Places
-from clew.slam.pose_graph import PoseGraph
+from clew.slam.pose_graph import LEAST_INFORMATION, PoseGraph
 from clew.slam.sensor import SensorModel
 
 Array = NDArray[np.float64]
@@ -343,7 +343,9 @@ class LoopCloser:
 def _unknown(best: Closure, rival: Closure) -> Array | None:
     """Covariance ``(3, 3)`` of what partial closures of one keyframe do not tell, so that they agree in the rest.
 
-    While the robot may be farther off, a partial one shows that a match along its line is not the only one.
+    While the robot may be farther off, a partial one shows that a match along its line is not the only one, unless
+    returns tell that one from all others there.
     """
-    partial = [np.linalg.inv(c.information) for c in (best, rival) if c.is_partial and best.is_certain]
+    knows = best.is_certain or best.within > 0.0
+    partial = [np.linalg.inv(c.information + LEAST_INFORMATION) for c in (best, rival) if c.is_partial and knows]
     return np.sum(partial, axis=0) if partial else None

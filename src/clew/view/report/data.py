@@ -117,6 +117,7 @@ def _closure(closure: Closure) -> dict[str, object]:
         "distance": _number(closure.distance),
         "supporters": closure.supporters,
         "telling": closure.telling,
+        "within": _number(closure.within),
     }
 
 
