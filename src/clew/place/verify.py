@@ -49,7 +49,7 @@ class VerificationOptions:
     rival_search: float = 0.8
     slide_angle: float = 0.05
     slide_share: float = 0.3
-    telling: int = 8
+    telling: int = 6
     telling_ratio: float = 4.0
     overlap: float = 0.55
     rms: float = 0.035
@@ -246,9 +246,9 @@ def _telling(
     """
     line, apart = _turned(T, direction), options.rival_distance
     middle, half = float(line @ (centre[:2] - T[:2])), float(np.abs(line) @ half_window[:2])
-    near, far = np.arange(FINE_STEP, apart, FINE_STEP), np.arange(apart, abs(middle) + half + STEP, STEP)
+    near, far = np.arange(FINE_STEP, apart, FINE_STEP), np.arange(apart, abs(middle) + half, STEP)
     offsets = np.concatenate([-far[::-1], -near[::-1], near, far])
-    offsets = offsets[np.abs(offsets - middle) < half + STEP]
+    offsets = offsets[np.abs(offsets - middle) <= half]
     here = se2.act(T, points)
     here = here[submap.observes(here)]
     if not len(offsets):
