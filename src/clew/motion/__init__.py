@@ -5,11 +5,13 @@ from clew.motion.body_velocity import BodyVelocities, are_regular, body_velociti
 from clew.motion.buffer import OdometryBuffer
 from clew.motion.calibration import OdometryCalibration, OdometryQuality, bounded
 from clew.motion.gyro import Gyro, GyroMotion
+from clew.motion.gyro_calibration import GyroCalibration, GyroNoise, GyroQuality
 from clew.motion.increment import increment_motion
 from clew.motion.integrate import Pieces, Preintegrated, cut, preintegrate
 from clew.motion.noise import OdometryNoise
 from clew.motion.odometry import Odometry
 from clew.motion.step import MotionStep
+from clew.motion.turn_rates import GyroBuffer, GyroHeading, TurnRates
 from clew.motion.velocity import VelocityNoise, velocity_motion
 from clew.motion.wheels import WheelEncoders
 
@@ -17,7 +19,12 @@ __all__ = [
     "Ackermann",
     "BodyVelocities",
     "Gyro",
+    "GyroBuffer",
+    "GyroCalibration",
+    "GyroHeading",
     "GyroMotion",
+    "GyroNoise",
+    "GyroQuality",
     "MotionStep",
     "Odometry",
     "OdometryBuffer",
@@ -26,6 +33,7 @@ __all__ = [
     "OdometryQuality",
     "Pieces",
     "Preintegrated",
+    "TurnRates",
     "VelocityNoise",
     "WheelEncoders",
     "are_regular",

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from clew.motion import OdometryCalibration
+from clew.motion import GyroCalibration, OdometryCalibration
 from clew.scan import AlignmentOptions, BeamTimes, LaserScan, collinearity_residuals, robust_deviation
 from clew.slam.config import SlamConfig
 
@@ -31,12 +31,14 @@ class SensorModel:
 
     Attributes:
         odometry: noise and systematic errors of the odometry.
+        gyro: noise, bias and scale of the gyro.
         tells_beam_times: whether the log tells when the beams of a scan are measured,
         beam_times: and as found from scans where it does not.
     """
 
     def __init__(self, config: SlamConfig) -> None:
         self.odometry = OdometryCalibration(config.odometry)
+        self.gyro = GyroCalibration(config.gyro)
         self.tells_beam_times = False
         self.beam_times = BeamTimes()
         self._residuals: deque[Array] = deque(maxlen=NOISE_SCANS)
@@ -53,6 +55,7 @@ class SensorModel:
         self._longest: list[float] = []
         self._sweep = 0.0
         self.unused_odometry = 0  # matches predicted without it, since it told less than the last velocity
+        self.unused_gyro = 0  # and without the gyro, since it told turns worse than what else does
 
     @property
     def range_noise(self) -> float:
@@ -138,6 +141,8 @@ class SensorModel:
         out: dict[str, object] = {"laser": laser}
         if quality.steps:
             out["odometry"] = {**quality.to_dict(), "matches_without_it": self.unused_odometry}
+        if self.gyro.quality.steps:
+            out["gyro"] = {**self.gyro.quality.to_dict(), "matches_without_it": self.unused_gyro}
         if warnings := self._doubts():
             out["doubts"] = warnings
         return out
@@ -156,7 +161,7 @@ class SensorModel:
         return {**rounded, "sweep_known_from": "scans"}
 
     def _doubts(self) -> list[str]:
-        """What looks wrong about the laser's place on the robot, in words."""
+        """What looks wrong about the sensors' places on the robot, in words."""
         quality = self.odometry.quality
         askew, beside = float(quality.bias[1, 0]), quality.bias[:2, 1]
         doubts = []
@@ -166,4 +171,11 @@ class SensorModel:
             doubts.append(
                 f"the laser seems mounted {100 * float(np.hypot(*beside)):.0f} cm off from where the log says"
             )
+        slope = 1.0 if self.gyro.slope is None else self.gyro.slope
+        if slope < -0.5:
+            doubts.append("the gyro turns the other way: the IMU seems mounted upside down, and no transform says so")
+        elif 40.0 < slope < 80.0:
+            doubts.append("the gyro seems to tell degrees a second; rates should be radians a second")
+        elif not self.gyro.turns_along:
+            doubts.append("the gyro does not turn as the robot does: it is broken, or lies about another axis")
         return doubts

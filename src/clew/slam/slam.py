@@ -12,7 +12,7 @@ from clew.errors import InputError
 from clew.geometry import SE2, se2
 from clew.graph import FactorGraph
 from clew.mapping import OccupancyGrid, build_occupancy_grid, moving_returns
-from clew.motion import Odometry, OdometryBuffer, body_velocities
+from clew.motion import GyroBuffer, Odometry, OdometryBuffer, TurnRates, body_velocities
 from clew.place import Closure
 from clew.scan import LaserScan
 from clew.slam.config import SlamConfig
@@ -48,7 +48,7 @@ class Trajectory:
 
 
 class Slam:
-    """Takes odometry and scans as they come, and tells pose, trajectory, graph and map at any moment.
+    """Takes odometry, turn rates and scans as they come, and tells pose, trajectory, graph and map at any moment.
 
     The world's frame is where the robot stood at the first scan. ::
 
@@ -70,6 +70,7 @@ class Slam:
         self.config = config or SlamConfig()
         self._use_odometry = use_odometry
         self._odometry = OdometryBuffer()
+        self._gyro = GyroBuffer()
         self._keyframes = KeyframeStore()
         self._sensor = SensorModel(self.config)
         self._tracker = Tracker(self._keyframes, self.config, self._sensor)
@@ -83,10 +84,12 @@ class Slam:
 
     # --- measurements in --------------------------------------------------------------------------------------------
 
-    def add(self, measurement: LaserScan | Odometry) -> None:
-        """Take a measurement of either kind."""
+    def add(self, measurement: LaserScan | Odometry | TurnRates) -> None:
+        """Take a measurement of any kind."""
         if isinstance(measurement, Odometry):
             self.add_odometry(measurement)
+        elif isinstance(measurement, TurnRates):
+            self.add_turn_rates(measurement)
         else:
             self.add_scan(measurement)
 
@@ -103,6 +106,20 @@ class Slam:
                 "finite numbers: leave it out"
             )
         self._odometry.add(odometry)
+
+    def add_turn_rates(self, readings: TurnRates) -> None:
+        """Take readings of a gyro; they come in the order of time.
+
+        Raises:
+            InputError: timestamps and rates are no finite numbers ``(n,)``.
+        """
+        times, rates = np.asarray(readings.timestamps), np.asarray(readings.rates)
+        if times.ndim != 1 or times.shape != rates.shape or not np.isfinite([times, rates]).all():
+            raise InputError(
+                f"turn rates: timestamps {times.shape} and rates {rates.shape} are no finite numbers (n,): "
+                "leave them out"
+            )
+        self._gyro.add(readings)
 
     def add_scan(self, scan: LaserScan) -> SE2:
         """Take a scan; returns the pose of the robot at it, ``T_world_robot``.
@@ -125,7 +142,8 @@ class Slam:
             )
         self._sensor.see(scan)
         scan = self._sensor.timed(scan)
-        tracked = self._tracker.track(scan, T_odom_robot, self._velocity(scan, T_odom_robot))
+        heading = self._gyro.at(scan.timestamp)
+        tracked = self._tracker.track(scan, T_odom_robot, self._velocity(scan, T_odom_robot), heading)
         self._scans.add(scan, tracked.keyframe, tracked.T_keyframe_robot, T_odom_robot, tracked.velocity)
         self._last_scan = tracked.scan
         self._refined = None

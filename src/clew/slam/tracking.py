@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from clew.geometry import se2
+from clew.motion import GyroHeading
 from clew.scan import LaserScan, ScanPoints, deskew, extract_points
 from clew.slam.config import SlamConfig
 from clew.slam.keyframes import Keyframe, KeyframeStore
@@ -76,20 +77,26 @@ class Tracker:
         """Whether odometry predicts better than the last velocity."""
         return self._predictor.trusts_odometry
 
-    def track(self, scan: LaserScan, T_odom_robot: Array | None, velocity: Array | None = None) -> TrackedScan:
+    def track(
+        self, scan: LaserScan, T_odom_robot: Array | None, velocity: Array | None = None,
+        heading: GyroHeading | None = None,
+    ) -> TrackedScan:  # fmt: skip
         """Pose of the robot at a scan, and the scan without the robot's motion during its sweep.
 
         Args:
             scan: as it was recorded, with the moments of its beams where they are known.
             T_odom_robot: ``(3,)``, None where there is no odometry.
             velocity: ``(3,)`` body velocity during the sweep by odometry; without it the match tells.
+            heading: by a gyro, None where there is none.
         """
+        rate = self._predictor.turn_rate(heading)
         if self._map is None:
-            during = np.zeros(3) if velocity is None else velocity
-            return self._first(deskew(scan, during), T_odom_robot, during)
-        prediction = self._predictor.predict(scan.timestamp, T_odom_robot)
+            during = _at_rate(np.zeros(3) if velocity is None else velocity, rate)
+            return self._first(deskew(scan, during), T_odom_robot, heading, during)
+        prediction = self._predictor.predict(scan.timestamp, T_odom_robot, heading)
         increment = prediction.increment
         during = self._predictor.velocity_to(scan.timestamp, increment) if velocity is None else velocity
+        during = _at_rate(during, rate)
         still = deskew(scan, during)
         if prediction.by_odometry and self._stands(increment, scan.timestamp) and not self._looks_elsewhere(still):
             predicted = se2.compose(self._T_keyframe_robot, increment)
@@ -101,28 +108,29 @@ class Tracker:
             again = self._match(points, self._predictor.by_velocity(scan.timestamp))
             match = again if again.matched else match
         if velocity is None and scan.is_sweep:
-            still, points, match, during = self._match_sweep(scan, still, points, match, prediction, during)
+            still, points, match, during = self._match_sweep(scan, still, points, match, prediction, during, rate)
         moved = se2.between(self._T_keyframe_robot, match.pose)
-        self._predictor.moved(scan.timestamp, T_odom_robot, moved, match.information)
+        self._predictor.moved(scan.timestamp, T_odom_robot, moved, match.information, heading)
         self._T_keyframe_robot, self._covariance, self._scan = match.pose, match.covariance, still
         self._kept = match.kept @ self._kept
         covariance = self._step_covariance()
         if self._starts_keyframe(scan.timestamp):
-            self._predictor.keyframe(T_odom_robot, match.T_returns, match.information)
+            self._predictor.keyframe(T_odom_robot, match.T_returns, match.information, heading)
             index = self._add_keyframe(still, points, match.of_returns)
             return TrackedScan(index, np.zeros(3), True, still, during, covariance)
         return TrackedScan(len(self._keyframes) - 1, match.pose, False, still, during, covariance)
 
     def _match_sweep(
         self, scan: LaserScan, still: LaserScan, points: ScanPoints, match: Match, prediction: Prediction,
-        velocity: Array,
-    ) -> tuple[LaserScan, ScanPoints, Match, Array]:
+        velocity: Array, rate: float | None,
+    ) -> tuple[LaserScan, ScanPoints, Match, Array]:  # fmt: skip
         """Pose and motion during the sweep that agree with each other.
 
         A velocity that is too large takes too much motion out of the scan, so that its match lies too far back, by up
         to the whole sweep, and the next velocity is too small by as much and more: the error would grow from scan to
         scan. The velocity that leads to this very pose does not have that (an implicit step in place of an explicit
-        one). Where the timestamp is the middle of the scan, the pose hardly depends on the velocity.
+        one). A gyro tells the turn beforehand. Where the timestamp is the middle of the scan, the pose hardly depends
+        on the velocity.
         """
         first, last = scan.span
         sweep, share, least = last - first, SWEEP_SHARE, SWEEP_STEADY
@@ -132,7 +140,7 @@ class Tracker:
             if not match.matched:
                 break
             found = self._predictor.velocity_to(scan.timestamp, se2.between(self._T_keyframe_robot, match.pose))
-            change = share * (found - velocity)
+            change = share * (_at_rate(found, rate) - velocity)
             velocity = velocity + change
             still = deskew(scan, velocity)
             if sweep * (np.hypot(change[0], change[1]) + SWEEP_LEVER * abs(change[2])) < least:
@@ -141,8 +149,10 @@ class Tracker:
             match = self._match(points, prediction, None if scan.moments is None else match.pose)
         return still, points, match, velocity
 
-    def _first(self, scan: LaserScan, T_odom_robot: Array | None, velocity: Array) -> TrackedScan:
-        self._predictor.start(scan.timestamp, T_odom_robot)
+    def _first(
+        self, scan: LaserScan, T_odom_robot: Array | None, heading: GyroHeading | None, velocity: Array
+    ) -> TrackedScan:
+        self._predictor.start(scan.timestamp, T_odom_robot, heading)
         points = extract_points(scan, self._config.cleaning)
         self._scan = scan
         index = self._add_keyframe(scan, points, np.zeros((3, 3)))
@@ -216,3 +226,8 @@ class Tracker:
         self._T_keyframe_robot, self._covariance, self._kept = np.zeros(3), of_returns, np.eye(3)
         self._map = self._maps.build(index)
         return index
+
+
+def _at_rate(velocity: Array, rate: float | None) -> Array:
+    """A body velocity ``(3,)`` whose turn is the one that a gyro tells, if one does."""
+    return velocity if rate is None else np.array([velocity[0], velocity[1], rate])
