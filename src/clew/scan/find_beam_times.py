@@ -39,6 +39,8 @@ FURTHER = 3.0  # times a step at most that is taken where the steps before fell 
 RADIUS = 0.1  # metres; within which a return finds its partner
 FACING = 0.7  # least cosine between their normals
 OVERLAP = 0.5  # share of returns with a partner
+LEAST_RESIDUAL = 1e-3  # metres; ranges are not told more finely
+LEVERAGE = 3.0  # times what the motion moves the median return, from which on a return counts less
 BLOCKS = 10  # of scans or pairs next to each other in time: what they err by together is in the deviations
 SIGMAS = 4.0  # an estimate counts when it is so many deviations
 LEAST_SECONDS = 1e-3  # and this from zero; less does no harm and may be the roughness of the world
@@ -166,7 +168,9 @@ def _interlace(
             parts.append((residual, slope))
         owner = np.repeat(np.arange(len(parts)), [len(residual) for residual, _ in parts])
         residual, slope = (np.concatenate(column) for column in zip(*parts, strict=True))
-        weight = _weights(residual)
+        # Least absolute values; far, grazing walls, which motion moves most and whose normals are worst, do not rule.
+        weight = 1.0 / np.maximum(np.abs(residual), LEAST_RESIDUAL)
+        weight /= 1.0 + np.square(slope / max(LEVERAGE * float(np.median(np.abs(slope))), TINY))
         curvature, gradient = (np.bincount(owner, weight * slope * other, len(parts)) for other in (slope, residual))
         sums = _Slope(curvature.astype(np.float64), gradient.astype(np.float64))
         interlace = found.interlace + search.step(sums)

@@ -27,6 +27,7 @@ SWEEP_ROUNDS = 3  # matches at most that find pose and motion during the sweep t
 SWEEP_SHARE = 0.6  # by so much of the difference at a time,
 SWEEP_STEADY = 0.002  # until what is still to be moved in a sweep is less, metres, and a hundredth of a radian for 5 m
 SWEEP_LEVER = 5.0  # metres
+CENTRED = 0.1  # share of a scan's time that its timestamp may be off its middle
 SWEEP_BLUR = 0.01  # metres; as `SWEEP_STEADY`, about the middle of a scan, where the pose hardly depends on the motion
 
 
@@ -134,7 +135,8 @@ class Tracker:
         """
         first, last = scan.span
         sweep, share, least = last - first, SWEEP_SHARE, SWEEP_STEADY
-        if scan.moments is not None:
+        centred = abs(first + last) < CENTRED * sweep
+        if centred:
             sweep, share, least = 0.5 * sweep, 1.0, SWEEP_BLUR
         for _ in range(SWEEP_ROUNDS):
             if not match.matched:
@@ -146,7 +148,7 @@ class Tracker:
             if sweep * (np.hypot(change[0], change[1]) + SWEEP_LEVER * abs(change[2])) < least:
                 break
             points = extract_points(still, self._config.cleaning)
-            match = self._match(points, prediction, None if scan.moments is None else match.pose)
+            match = self._match(points, prediction, match.pose if centred else None)
         return still, points, match, velocity
 
     def _first(
