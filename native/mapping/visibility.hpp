@@ -4,7 +4,15 @@
 #include <cstddef>
 #include <cstdint>
 
+#include "isa.hpp"
+
 namespace clew::mapping {
+
+// A sensor's beams: the pose of the points' frame seen from it, the direction of the middle beam, beams a radian (negative
+// where they turn right), and the number of the middle beam.
+struct Beams {
+    double x, y, cosine, sine, middle, per_beam, half;
+};
 
 // What scans saw; view v owns the beams offsets[v] to offsets[v + 1], beam i of it points at first_angle + i * increment.
 struct Views {
@@ -24,3 +32,8 @@ void see(const Views& views, const double* points, std::size_t count, double sla
          std::int32_t* through);
 
 }  // namespace clew::mapping
+
+// For every point (count, 2) the number of the beam that points at it, a fraction where it lies between two, and its
+// distance from the sensor.
+CLEW_DECLARE(void beams_at(const ::clew::mapping::Beams& sensor, const double* points, std::size_t count, double* beam,
+                           double* distance);)

@@ -123,7 +123,8 @@ class ScanMatcher:
                 return unmatched
         trusted = 1.0 - int(np.count_nonzero(moved)) / max(int(np.count_nonzero(seen + through)), 1)
         found = self._register(local_map, points, start, predicted, prior, trusted)
-        if found is not None and found.trust < LITTLE_SLIP and prediction.by_odometry:
+        is_doubtful = found is not None and found.trust < LITTLE_SLIP and prediction.by_odometry
+        if found is not None and is_doubtful and _turned_alike(found, predicted):
             firm = seen[~moved] >= min(FIRM, len(local_map.views))
             found = self._by_what_stays(local_map, points, firm, found, predicted, prior, trusted)
         if found is None:
@@ -152,7 +153,7 @@ class ScanMatcher:
         if len(stays) < LEAST_POINTS:
             return found
         again = self._register(local_map, stays, predicted, predicted, prior, trusted)
-        if again is None or again.trust < LITTLE_SLIP or abs(wrap(again.pose[2] - found.pose[2])) > SAME_HEADING:
+        if again is None or again.trust < LITTLE_SLIP or not _turned_alike(again, found.pose):
             return found
         lost, of_firm = (
             len(cloud) * (self._explained(local_map, cloud, found.pose) - self._explained(local_map, cloud, again.pose))
@@ -236,3 +237,7 @@ class ScanMatcher:
         weight = np.linalg.solve(np.eye(3) + information @ prior, information)
         squared = float(error @ weight @ error)
         return (SLIP_FREEDOM + 3) / (SLIP_FREEDOM + max(squared, 3.0))
+
+
+def _turned_alike(found: _Registration, pose: Array) -> bool:
+    return bool(abs(wrap(found.pose[2] - pose[2])) <= SAME_HEADING)
