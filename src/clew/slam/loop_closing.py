@@ -116,7 +116,7 @@ class LoopCloser:
         accepted = self.accepted_count
         moved = self._decide(proposals)
         # Where many keyframes stand already, one more need not stay for its closure.
-        is_needed = not (known and any(p.is_certain for p in proposals))
+        is_needed = not (known and (self._in_vain or any(p.is_certain for p in proposals)))
         if is_needed and all(c.is_partial for c in self._beliefs.of(source)):
             self._open.append(source)
         if self.accepted_count > accepted + 1:  # with its supporters
