@@ -224,7 +224,7 @@ class Tracker:
         left = self._kept @ self._drift @ self._kept.T + self._covariance - of_returns
         self._drift = (1.0 - 1.0 / self._config.tracking.map_keyframes) * left  # older keyframes leave the map
         self._T_keyframe_robot, self._covariance, self._kept = np.zeros(3), of_returns, np.eye(3)
-        self._map = self._maps.build(index)
+        self._map = self._maps.build(index, scan)
         return index
 
 
