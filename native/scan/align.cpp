@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <vector>
 
 namespace clew::scan {
 
@@ -13,7 +14,7 @@ constexpr double small_step = 1e-4, small_turn = 1e-5;  // metres, radians: far 
 struct Normal {
     double h[6] = {0, 0, 0, 0, 0, 0};  // xx, xy, xt, yy, yt, tt
     double g[3] = {0, 0, 0};
-    double weight = 0, squares = 0;
+    double weight = 0, squares = 0, slope = 0, weight_squares = 0;
     std::size_t partners = 0;
 
     void add(double jx, double jy, double jt, double r, double w) {
@@ -50,7 +51,8 @@ std::int32_t nearest(const PointIndexView& t, double x, double y, double nx, dou
 }
 
 Normal linearise(const PointIndexView& target, const double* points, const double* normals, const double* weights,
-                 std::size_t n, std::size_t stride, const Pose& pose, double radius, const AlignOptions& o) {
+                 std::size_t n, std::size_t stride, const Pose& pose, double radius, const AlignOptions& o,
+                 double* scores = nullptr) {
     Normal out;
     const double c = std::cos(pose.theta), s = std::sin(pose.theta);
     const double precision = 1.0 / (o.sigma * o.sigma), scale2 = o.robust * o.robust * o.sigma * o.sigma;
@@ -75,6 +77,12 @@ Normal linearise(const PointIndexView& target, const double* points, const doubl
         }
         out.weight += w;
         out.squares += w * r * r;
+        if (scores) {
+            const double robust = w / weights[i];
+            scores[i] = w * r;
+            out.slope += w * robust * (1.0 - r * r / scale2);
+            out.weight_squares += w * w;
+        }
         ++out.partners;
     }
     return out;
@@ -114,6 +122,23 @@ void add_prior(Normal& normal, const Pose& pose, const Pose& prior, const double
         for (int a = 0; a < 3; ++a) normal.g[b] += jac[a][b] * oe[a];
 }
 
+// Sum of the products of weighted residuals that lie near each other along the scan: what the sum of independent ones
+// with as much variance would have as its own (Newey and West, Econometrica 1987; theirs are lags, these are metres).
+double long_run_variance(const std::vector<double>& scores, const double* points, double length) {
+    double sum = 0;
+    for (std::size_t i = 0; i < scores.size(); ++i) {
+        if (scores[i] == 0) continue;
+        double beside = 0;
+        for (std::size_t j = i + 1; j < scores.size(); ++j) {
+            const double d = std::hypot(points[2 * j] - points[2 * i], points[2 * j + 1] - points[2 * i + 1]);
+            if (d >= length) break;
+            beside += (1.0 - d / length) * scores[j];
+        }
+        sum += scores[i] * (scores[i] + 2.0 * beside);
+    }
+    return sum;
+}
+
 }  // namespace
 
 AlignResult align(const PointIndexView& target, const double* points, const double* normals, const double* weights,
@@ -142,7 +167,8 @@ AlignResult align(const PointIndexView& target, const double* points, const doub
         if (last_radius && small) break;
         radius = small ? o.radius_end : std::max(o.radius_end, 0.6 * radius);
     }
-    const Normal data = linearise(target, points, normals, weights, n, 1, pose, o.radius_end, o);
+    std::vector<double> scores(n, 0.0);
+    const Normal data = linearise(target, points, normals, weights, n, 1, pose, o.radius_end, o, scores.data());
     AlignResult out;
     out.pose = pose;
     const double* h = data.h;
@@ -152,6 +178,11 @@ AlignResult align(const PointIndexView& target, const double* points, const doub
     solve3(data.h, b, out.step);
     out.overlap = n ? static_cast<double>(data.partners) / static_cast<double>(n) : 0.0;
     out.rms = data.weight > 0 ? std::sqrt(data.squares / data.weight) : 0.0;
+    const double squares = data.weight_squares;
+    double own = 0;
+    for (const double score : scores) own += score * score;
+    out.correlation = own > 0 ? long_run_variance(scores, points, o.correlated) / own : 1.0;
+    out.gain = squares > 0 ? data.slope * data.slope / (squares * data.weight) : 1.0;
     out.iterations = iteration;
     return out;
 }

@@ -15,6 +15,7 @@ struct AlignOptions {
     double robust;         // Cauchy scale in sigmas
     double facing;         // least cosine between the two normals of a correspondence
     std::int32_t iterations;
+    double correlated;     // metres; returns next to each other within it may have errors in common
 };
 
 struct AlignResult {
@@ -23,6 +24,8 @@ struct AlignResult {
     double step[3];          // Gauss-Newton step that the data alone ask for at `pose`
     double overlap;          // share of the source's points with a partner within radius_end
     double rms;              // metres; weighted residual along the normals
+    double correlation;      // sum of the residuals' autocorrelation along the scan; one of independent ones
+    double gain;             // what the information lacks by weights: of independent returns it is gain * information
     std::int32_t iterations;
 };
 

@@ -32,6 +32,8 @@ class AlignmentOptions:
         robust: scale of the Cauchy weights, in sigmas.
         facing: least cosine between the normals of two partners.
         iterations: Gauss-Newton steps at most.
+        correlated: returns next to each other within this distance may have errors in common, metres: those of a
+            surface and of the place where the target has it.
     """
 
     radius_start: float = 0.4
@@ -40,6 +42,7 @@ class AlignmentOptions:
     robust: float = 2.0
     facing: float = 0.7
     iterations: int = 20
+    correlated: float = 0.3
 
 
 @dataclass(frozen=True)
@@ -52,6 +55,10 @@ class Alignment:
         step: ``(P, 3)`` tangent step from the pose to the optimum of the returns alone (zero without a prior).
         overlap: ``(P,)`` share of the source's points that found a partner within ``radius_end``.
         rms: ``(P,)`` residual along the normals, metres.
+        correlation: ``(P,)`` sum of the residuals' autocorrelation along the scan: by so much the variance of a sum of
+            them is larger than that of independent ones, which have one (Newey, West 1987).
+        gain: ``(P,)`` what `information` lacks as it counts returns that lie close together, or far off, as less than
+            one: that of independent returns is so many times as much.
     """
 
     T_target_source: Array
@@ -59,6 +66,8 @@ class Alignment:
     step: Array
     overlap: Array
     rms: Array
+    correlation: Array
+    gain: Array
 
 
 def align(
@@ -98,7 +107,7 @@ def align(
             s.points, s.normals, s.weights, sources.offsets,
             np.ascontiguousarray(pairs, dtype=np.int32), start, prior,
             np.ascontiguousarray(prior_information, dtype=np.float64),
-            o.radius_start, o.radius_end, o.sigma, o.robust, o.facing, o.iterations, threads,
+            o.radius_start, o.radius_end, o.sigma, o.robust, o.facing, o.iterations, o.correlated, threads,
         )
     )  # fmt: skip
 

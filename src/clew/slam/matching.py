@@ -107,7 +107,7 @@ class ScanMatcher:
             start, prior_information = pose, trust * precision
         found = np.asarray(np.linalg.inv(information + prior_information), dtype=np.float64)
         gain = found @ information
-        of_returns = np.asarray(gain @ found @ gain.T, dtype=np.float64)
+        of_returns = np.asarray(found @ information @ found, dtype=np.float64)
         kept = np.asarray((np.eye(3) - gain) @ transport, dtype=np.float64)
         return Match(pose, found, T_returns, information, of_returns, kept)
 
@@ -122,7 +122,7 @@ class ScanMatcher:
         self, local_map: LocalMap, points: ScanPoints, start: Array, predicted: Array, prior_information: Array
     ) -> tuple[Array, Array, Array] | None:
         """Pose by returns and prediction, pose by the returns alone, and their information; None without overlap."""
-        worth = self._sensor.return_information(self._config.tracking.information_scale)
+        worth = self._sensor.worth()
         source, pair = SourceClouds.single(points), np.zeros((1, 2), dtype=np.int32)
         fine = align(
             local_map.index, source, pair, start[None],
@@ -132,7 +132,8 @@ class ScanMatcher:
         pose = fine.T_target_source[0]
         if fine.overlap[0] < self._config.tracking.overlap:
             return None
-        self._sensor.matched(float(fine.rms[0]))
+        self._sensor.matched(float(fine.rms[0]), float(fine.correlation[0]), float(fine.gain[0]))
+        worth = self._sensor.worth(float(fine.gain[0]))
         held = with_new_partners(
             local_map.index, source, pair, fine.T_target_source, fine.information, self._sensor.alignment
         )

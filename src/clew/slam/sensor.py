@@ -41,6 +41,8 @@ class SensorModel:
         self._noise = config.alignment.sigma / 2  # until the first scan tells
         self._matches: deque[float] = deque(maxlen=MATCHES)
         self._matched = 0.0  # their median, once there are enough
+        self._spreads: deque[Array] = deque(maxlen=MATCHES)  # correlations and gains of matches (`clew.scan.Alignment`)
+        self._spread = np.ones(2)  # their medians
         self._scans = 0
         self._gaps: deque[float] = deque(maxlen=1000)
         self._last: float | None = None
@@ -73,6 +75,10 @@ class SensorModel:
         """
         return independent * (self.alignment.sigma / self.return_deviation) ** 2
 
+    def worth(self, gain: float | None = None) -> float:
+        gain = self._spread[1] if gain is None else gain
+        return float(gain / max(self._spread[0], 1.0) * (self.alignment.sigma / self.return_deviation) ** 2)
+
     @property
     def normal_variance(self) -> float:
         """Variance of the direction of a surface normal, radians^2.
@@ -104,11 +110,13 @@ class SensorModel:
             if np.isfinite(noise):
                 self._noise = noise
 
-    def matched(self, rms: float) -> None:
-        """Take notice of the residual of a match, metres."""
+    def matched(self, rms: float, correlation: float, gain: float) -> None:
+        """Take notice of the residual of a match, metres, and of the correlation and gain of its returns."""
         self._matches.append(rms)
+        self._spreads.append(np.array([correlation, gain]))
         if len(self._matches) >= FIRST_SCANS:
             self._matched = float(np.median(self._matches))
+            self._spread = np.median(np.array(self._spreads), axis=0)
 
     def report(self) -> dict[str, object]:
         """Plain numbers: metres, degrees, Hertz."""
