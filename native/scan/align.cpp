@@ -14,7 +14,7 @@ constexpr double small_step = 1e-4, small_turn = 1e-5;  // metres, radians: far 
 struct Normal {
     double h[6] = {0, 0, 0, 0, 0, 0};  // xx, xy, xt, yy, yt, tt
     double g[3] = {0, 0, 0};
-    double weight = 0, squares = 0, slope = 0, weight_squares = 0;
+    double weight = 0, squares = 0;
     std::size_t partners = 0;
 
     void add(double jx, double jy, double jt, double r, double w) {
@@ -77,12 +77,7 @@ Normal linearise(const PointIndexView& target, const double* points, const doubl
         }
         out.weight += w;
         out.squares += w * r * r;
-        if (scores) {
-            const double robust = w / weights[i];
-            scores[i] = w * r;
-            out.slope += w * robust * (1.0 - r * r / scale2);
-            out.weight_squares += w * w;
-        }
+        if (scores) scores[i] = w * r;
         ++out.partners;
     }
     return out;
@@ -178,11 +173,11 @@ AlignResult align(const PointIndexView& target, const double* points, const doub
     solve3(data.h, b, out.step);
     out.overlap = n ? static_cast<double>(data.partners) / static_cast<double>(n) : 0.0;
     out.rms = data.weight > 0 ? std::sqrt(data.squares / data.weight) : 0.0;
-    const double squares = data.weight_squares;
     double own = 0;
     for (const double score : scores) own += score * score;
-    out.correlation = own > 0 ? long_run_variance(scores, points, o.correlated) / own : 1.0;
-    out.gain = squares > 0 ? data.slope * data.slope / (squares * data.weight) : 1.0;
+    const double together = std::max(long_run_variance(scores, points, o.correlated), 0.0);
+    out.correlation = own > 0 ? together / own : 1.0;
+    out.variance = data.weight > 0 ? together / data.weight : 0.0;
     out.iterations = iteration;
     return out;
 }

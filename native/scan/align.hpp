@@ -25,7 +25,7 @@ struct AlignResult {
     double overlap;          // share of the source's points with a partner within radius_end
     double rms;              // metres; weighted residual along the normals
     double correlation;      // sum of the residuals' autocorrelation along the scan; one of independent ones
-    double gain;             // what the information lacks by weights: of independent returns it is gain * information
+    double variance;         // metres^2; sum of the same products for each unit of weight
     std::int32_t iterations;
 };
 

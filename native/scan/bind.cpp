@@ -199,7 +199,7 @@ nb::tuple align_(const Rows2& target_points, const Rows2& target_normals, const 
         require(pairs.data()[2 * k] >= 0 && pairs.data()[2 * k] < clouds && pairs.data()[2 * k + 1] >= 0 &&
                     pairs.data()[2 * k + 1] < sources, "align: a pair names a cloud that does not exist");
 
-    std::vector<double> poses(3 * m), information(9 * m), steps(3 * m), overlap(m), rms(m), correlation(m), gain(m);
+    std::vector<double> poses(3 * m), information(9 * m), steps(3 * m), overlap(m), rms(m), correlation(m), variance(m);
     const AlignOptions options{radius_start, radius_end, sigma, robust, facing, iterations, correlated};
     const auto work = [&](std::size_t first, std::size_t last) {
         for (std::size_t k = first; k < last; ++k) {
@@ -220,7 +220,7 @@ nb::tuple align_(const Rows2& target_points, const Rows2& target_normals, const 
             overlap[k] = r.overlap;
             rms[k] = r.rms;
             correlation[k] = r.correlation;
-            gain[k] = r.gain;
+            variance[k] = r.variance;
         }
     };
     {
@@ -233,7 +233,7 @@ nb::tuple align_(const Rows2& target_points, const Rows2& target_normals, const 
     }
     return nb::make_tuple(own(std::move(poses), {m, 3}), own(std::move(information), {m, 3, 3}), own(std::move(steps), {m, 3}),
                           own(std::move(overlap), {m}), own(std::move(rms), {m}),
-                          own(std::move(correlation), {m}), own(std::move(gain), {m}));
+                          own(std::move(correlation), {m}), own(std::move(variance), {m}));
 }
 
 }  // namespace

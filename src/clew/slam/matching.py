@@ -14,6 +14,7 @@ from clew.scan import (
     align,
     correlate,
     merge_surfels,
+    slope_share,
     with_new_partners,
     without_normal_noise,
 )
@@ -122,22 +123,22 @@ class ScanMatcher:
         self, local_map: LocalMap, points: ScanPoints, start: Array, predicted: Array, prior_information: Array
     ) -> tuple[Array, Array, Array] | None:
         """Pose by returns and prediction, pose by the returns alone, and their information; None without overlap."""
-        worth = self._sensor.worth()
         source, pair = SourceClouds.single(points), np.zeros((1, 2), dtype=np.int32)
+        sensor, weighing = self._sensor, self._sensor.alignment
         fine = align(
             local_map.index, source, pair, start[None],
-            T_prior=predicted[None], prior_information=prior_information[None] / worth,
-            options=self._sensor.alignment,
+            T_prior=predicted[None], prior_information=prior_information[None] / sensor.match_worth(), options=weighing,
         )  # fmt: skip
         pose = fine.T_target_source[0]
         if fine.overlap[0] < self._config.tracking.overlap:
             return None
-        self._sensor.matched(float(fine.rms[0]), float(fine.correlation[0]), float(fine.gain[0]))
-        worth = self._sensor.worth(float(fine.gain[0]))
-        held = with_new_partners(
-            local_map.index, source, pair, fine.T_target_source, fine.information, self._sensor.alignment
-        )
-        clean = without_normal_noise(worth * held, self._sensor.normal_variance, source.moments())
+        sensor.matched(float(fine.rms[0]), float(fine.correlation[0]), float(fine.variance[0]))
+        if sensor.wants_slope:
+            share = slope_share(local_map.index, source, pair, fine.T_target_source, fine.information, weighing)
+            sensor.sloped(float(share[0]))
+        held = with_new_partners(local_map.index, source, pair, fine.T_target_source, fine.information, weighing)
+        worth = sensor.match_worth(float(fine.variance[0]))
+        clean = without_normal_noise(worth * held, sensor.normal_variance, source.moments())
         return pose, np.asarray(se2.retract(pose, fine.step[0])), clean[0]
 
     @staticmethod

@@ -17,6 +17,7 @@ Array = NDArray[np.float64]
 FIRST_SCANS = 20  # looked at one by one,
 EVERY = 10  # later one in so many
 NOISE_SCANS = 60  # whose residuals make the estimate of the noise
+FIRST_SLOPE, LEAST_SLOPE = 0.7, 0.2  # shares of the information; before any match, and at least
 MATCHES = 100  # residuals of matches that are remembered
 LEAST_NOISE = 0.002  # metres; below, the world is rougher than any laser measures
 #: A Gaussian's root mean square, weighted by a Cauchy kernel of scale two deviations, is this share of its deviation.
@@ -39,10 +40,11 @@ class SensorModel:
         self._alignment = config.alignment
         self._cleaning = config.cleaning
         self._noise = config.alignment.sigma / 2  # until the first scan tells
-        self._matches: deque[float] = deque(maxlen=MATCHES)
-        self._matched = 0.0  # their median, once there are enough
-        self._spreads: deque[Array] = deque(maxlen=MATCHES)  # correlations and gains of matches (`clew.scan.Alignment`)
-        self._spread = np.ones(2)  # their medians
+        self._matches: deque[Array] = deque(maxlen=MATCHES)  # residual, correlation and variance
+        self._matched, self._correlation, self._variance = 0.0, 1.0, 0.0  # their medians, once there are enough
+        self._slopes: deque[float] = deque(maxlen=MATCHES)
+        self._slope = FIRST_SLOPE
+        self._unsloped = 0  # matches since
         self._scans = 0
         self._gaps: deque[float] = deque(maxlen=1000)
         self._last: float | None = None
@@ -75,9 +77,18 @@ class SensorModel:
         """
         return independent * (self.alignment.sigma / self.return_deviation) ** 2
 
-    def worth(self, gain: float | None = None) -> float:
-        gain = self._spread[1] if gain is None else gain
-        return float(gain / max(self._spread[0], 1.0) * (self.alignment.sigma / self.return_deviation) ** 2)
+    def match_worth(self, variance: float | None = None) -> float:
+        """What the information of a match is multiplied by, to be that of its returns.
+
+        Their residuals, with what neighbours have in common, push the pose about; it resists by the slope of the error.
+        The covariance is the slope's inverse on both sides of that of the push (Huber 1967: the sandwich).
+
+        Args:
+            variance: that of the match, see `clew.scan.Alignment`; unless given, what matches have in the mean.
+        """
+        usual = self._variance or self._noise**2
+        variance = usual if variance is None else 0.5 * (usual + variance)
+        return float(self._slope**2 * self.alignment.sigma**2 / max(variance, LEAST_NOISE**2))
 
     @property
     def normal_variance(self) -> float:
@@ -110,13 +121,23 @@ class SensorModel:
             if np.isfinite(noise):
                 self._noise = noise
 
-    def matched(self, rms: float, correlation: float, gain: float) -> None:
-        """Take notice of the residual of a match, metres, and of the correlation and gain of its returns."""
-        self._matches.append(rms)
-        self._spreads.append(np.array([correlation, gain]))
+    def matched(self, rms: float, correlation: float, variance: float) -> None:
+        """Take notice of the residuals of a match, see `clew.scan.Alignment`."""
+        self._matches.append(np.array([rms, correlation, variance]))
         if len(self._matches) >= FIRST_SCANS:
-            self._matched = float(np.median(self._matches))
-            self._spread = np.median(np.array(self._spreads), axis=0)
+            self._matched, self._correlation, self._variance = np.median(np.array(self._matches), axis=0).tolist()
+
+    @property
+    def wants_slope(self) -> bool:
+        """Whether the slope of the next match should be looked at: often at first, later it hardly changes."""
+        self._unsloped += 1
+        return len(self._slopes) < FIRST_SCANS or self._unsloped >= EVERY
+
+    def sloped(self, share: float) -> None:
+        """Take notice of the share of its information that a match resists by."""
+        self._unsloped = 0
+        self._slopes.append(share)
+        self._slope = float(np.clip(np.median(self._slopes), LEAST_SLOPE, 1.0))
 
     def report(self) -> dict[str, object]:
         """Plain numbers: metres, degrees, Hertz."""
