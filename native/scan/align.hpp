@@ -25,7 +25,9 @@ struct AlignResult {
     double overlap;          // share of the source's points with a partner within radius_end
     double rms;              // metres; weighted residual along the normals
     double correlation;      // sum of the residuals' autocorrelation along the scan; one of independent ones
-    double variance;         // metres^2; sum of the same products for each unit of weight
+    double variance;         // metres^2; of a return, with what it has in common with its neighbours
+    double push[9];          // covariance of the gradient at `pose` by the residuals, row-major,
+    double spread[9];        // and were they independent with a variance of one square metre
     std::int32_t iterations;
 };
 

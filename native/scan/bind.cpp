@@ -199,7 +199,8 @@ nb::tuple align_(const Rows2& target_points, const Rows2& target_normals, const 
         require(pairs.data()[2 * k] >= 0 && pairs.data()[2 * k] < clouds && pairs.data()[2 * k + 1] >= 0 &&
                     pairs.data()[2 * k + 1] < sources, "align: a pair names a cloud that does not exist");
 
-    std::vector<double> poses(3 * m), information(9 * m), steps(3 * m), overlap(m), rms(m), correlation(m), variance(m);
+    std::vector<double> poses(3 * m), information(9 * m), steps(3 * m), overlap(m), rms(m), correlation(m), variance(m),
+        push(9 * m), spread(9 * m);
     const AlignOptions options{radius_start, radius_end, sigma, robust, facing, iterations, correlated};
     const auto work = [&](std::size_t first, std::size_t last) {
         for (std::size_t k = first; k < last; ++k) {
@@ -221,6 +222,8 @@ nb::tuple align_(const Rows2& target_points, const Rows2& target_normals, const 
             rms[k] = r.rms;
             correlation[k] = r.correlation;
             variance[k] = r.variance;
+            std::copy(r.push, r.push + 9, push.begin() + static_cast<std::ptrdiff_t>(9 * k));
+            std::copy(r.spread, r.spread + 9, spread.begin() + static_cast<std::ptrdiff_t>(9 * k));
         }
     };
     {
@@ -233,7 +236,8 @@ nb::tuple align_(const Rows2& target_points, const Rows2& target_normals, const 
     }
     return nb::make_tuple(own(std::move(poses), {m, 3}), own(std::move(information), {m, 3, 3}), own(std::move(steps), {m, 3}),
                           own(std::move(overlap), {m}), own(std::move(rms), {m}),
-                          own(std::move(correlation), {m}), own(std::move(variance), {m}));
+                          own(std::move(correlation), {m}), own(std::move(variance), {m}),
+                          own(std::move(push), {m, 3, 3}), own(std::move(spread), {m, 3, 3}));
 }
 
 }  // namespace

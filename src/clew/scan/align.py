@@ -58,8 +58,9 @@ class Alignment:
         rms: ``(P,)`` residual along the normals, metres.
         correlation: ``(P,)`` sum of the residuals' autocorrelation along the scan: by so much the variance of a sum of
             them is larger than that of independent ones, which have one (Newey, West 1987).
-        variance: ``(P,)`` metres^2, that sum for each unit of weight: returns push the pose about as ``variance / sigma^2``
-            times the information tells.
+        variance: ``(P,)`` of a return with what it has in common with those beside it, metres^2.
+        push: ``(P, 3, 3)`` covariance of the gradient (`information` times a step) by these residuals,
+        spread: ``(P, 3, 3)`` and for independent ones with a variance of one square metre.
     """
 
     T_target_source: Array
@@ -69,6 +70,8 @@ class Alignment:
     rms: Array
     correlation: Array
     variance: Array
+    push: Array
+    spread: Array
 
 
 def align(

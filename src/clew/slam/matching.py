@@ -127,7 +127,7 @@ class ScanMatcher:
         sensor, weighing = self._sensor, self._sensor.alignment
         fine = align(
             local_map.index, source, pair, start[None],
-            T_prior=predicted[None], prior_information=prior_information[None] / sensor.match_worth(), options=weighing,
+            T_prior=predicted[None], prior_information=prior_information[None] / sensor.match_worth, options=weighing,
         )  # fmt: skip
         pose = fine.T_target_source[0]
         if fine.overlap[0] < self._config.tracking.overlap:
@@ -137,9 +137,8 @@ class ScanMatcher:
             share = slope_share(local_map.index, source, pair, fine.T_target_source, fine.information, weighing)
             sensor.sloped(float(share[0]))
         held = with_new_partners(local_map.index, source, pair, fine.T_target_source, fine.information, weighing)
-        worth = sensor.match_worth(float(fine.variance[0]))
-        clean = without_normal_noise(worth * held, sensor.normal_variance, source.moments())
-        return pose, np.asarray(se2.retract(pose, fine.step[0])), clean[0]
+        clean = without_normal_noise(held, sensor.normal_variance, source.moments())
+        return pose, np.asarray(se2.retract(pose, fine.step[0])), sensor.information_of(fine, clean[0])
 
     @staticmethod
     def _slip(predicted: Array, T_returns: Array, prior: Array, information: Array) -> float:

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from clew.motion import OdometryCalibration
-from clew.scan import AlignmentOptions, LaserScan, collinearity_residuals, robust_deviation
+from clew.scan import Alignment, AlignmentOptions, LaserScan, collinearity_residuals, robust_deviation
 from clew.slam.config import SlamConfig
 
 Array = NDArray[np.float64]
@@ -45,6 +45,7 @@ class SensorModel:
         self._slopes: deque[float] = deque(maxlen=MATCHES)
         self._slope = FIRST_SLOPE
         self._unsloped = 0  # matches since
+        self._worth = 0.5
         self._scans = 0
         self._gaps: deque[float] = deque(maxlen=1000)
         self._last: float | None = None
@@ -77,18 +78,28 @@ class SensorModel:
         """
         return independent * (self.alignment.sigma / self.return_deviation) ** 2
 
-    def match_worth(self, variance: float | None = None) -> float:
-        """What the information of a match is multiplied by, to be that of its returns.
+    @property
+    def match_worth(self) -> float:
+        """What the information of an alignment is worth in the mean of recent matches."""
+        return self._worth
+
+    def information_of(self, alignment: Alignment, held: Array) -> Array:
+        """Information ``(3, 3)`` of the returns of a match.
 
         Their residuals, with what neighbours have in common, push the pose about; it resists by the slope of the error.
-        The covariance is the slope's inverse on both sides of that of the push (Huber 1967: the sandwich).
+        The covariance is the slope's inverse on both sides of that of the push (the sandwich of Huber 1967).
 
         Args:
-            variance: that of the match, see `clew.scan.Alignment`; unless given, what matches have in the mean.
+            alignment: of the match.
+            held: ``(3, 3)`` its information without what does not resist being moved.
         """
-        usual = self._variance or self._noise**2
-        variance = usual if variance is None else 0.5 * (usual + variance)
-        return float(self._slope**2 * self.alignment.sigma**2 / max(variance, LEAST_NOISE**2))
+        variance = max(self._variance or self._noise**2, LEAST_NOISE**2)
+        push = 0.5 * (alignment.push[0] + variance * alignment.spread[0])
+        slope = self._slope * held
+        information = np.asarray(slope @ np.linalg.solve(push, slope), dtype=np.float64)
+        share = np.trace(information[:2, :2]) / max(np.trace(held[:2, :2]), 1e-300)
+        self._worth += (share - self._worth) / FIRST_SCANS
+        return information
 
     @property
     def normal_variance(self) -> float:
