@@ -166,6 +166,8 @@ def with_new_partners(
     information: Array,
     options: AlignmentOptions,
     threads: int = 1,
+    *,
+    worth: Array | None = None,
 ) -> Array:
     """Information ``(P, 3, 3)`` of alignments without what holds only while their partners stay the same.
 
@@ -180,10 +182,11 @@ def with_new_partners(
         information: ``(P, 3, 3)`` that they had there.
         options: of the alignments.
         threads: how many share the pairs.
+        worth: ``(P, 3, 3)`` what that is worth, which is then returned without what does not hold.
     """
     values, vectors = np.linalg.eigh(information[:, :2, :2])
     weak = np.flatnonzero(values[:, 0] <= LONG * values[:, 1])
-    out = np.array(information, dtype=np.float64)
+    out = np.array(information if worth is None else worth, dtype=np.float64)
     if not len(weak):
         return out
     values, vectors = values[weak], vectors[weak]
@@ -195,7 +198,7 @@ def with_new_partners(
         vectors, 1, 2
     )
     scale[:, 2, 2] = 1.0
-    out[weak] = scale @ information[weak] @ scale
+    out[weak] = scale @ out[weak] @ scale
     return out
 
 

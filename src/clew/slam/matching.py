@@ -136,9 +136,16 @@ class ScanMatcher:
         if sensor.wants_slope:
             share = slope_share(local_map.index, source, pair, fine.T_target_source, fine.information, weighing)
             sensor.sloped(float(share[0]))
-        held = with_new_partners(local_map.index, source, pair, fine.T_target_source, fine.information, weighing)
+        held = with_new_partners(
+            local_map.index, source, pair, fine.T_target_source, fine.information, weighing,
+            worth=sensor.information_of(fine)[None],
+        )  # fmt: skip
         clean = without_normal_noise(held, sensor.normal_variance, source.moments())
-        return pose, np.asarray(se2.retract(pose, fine.step[0])), sensor.information_of(fine, clean[0])
+        T_returns = np.asarray(se2.retract(pose, fine.step[0]))
+        # The alignment held the prediction against returns as they are, not against what they are worth.
+        information = clean[0]
+        fused = information @ fine.step[0] + prior_information @ se2.between(pose, predicted)
+        return se2.retract(pose, np.linalg.solve(information + prior_information, fused)), T_returns, information
 
     @staticmethod
     def _slip(predicted: Array, T_returns: Array, prior: Array, information: Array) -> float:

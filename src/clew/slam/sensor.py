@@ -18,6 +18,8 @@ FIRST_SCANS = 20  # looked at one by one,
 EVERY = 10  # later one in so many
 NOISE_SCANS = 60  # whose residuals make the estimate of the noise
 FIRST_SLOPE, LEAST_SLOPE = 0.7, 0.2  # shares of the information; before any match, and at least
+LEAST_PUSH = 1e-9
+TINY = 1e-100
 MATCHES = 100  # residuals of matches that are remembered
 LEAST_NOISE = 0.002  # metres; below, the world is rougher than any laser measures
 #: A Gaussian's root mean square, weighted by a Cauchy kernel of scale two deviations, is this share of its deviation.
@@ -83,21 +85,24 @@ class SensorModel:
         """What the information of an alignment is worth in the mean of recent matches."""
         return self._worth
 
-    def information_of(self, alignment: Alignment, held: Array) -> Array:
+    def information_of(self, alignment: Alignment) -> Array:
         """Information ``(3, 3)`` of the returns of a match.
 
         Their residuals, with what neighbours have in common, push the pose about; it resists by the slope of the error.
         The covariance is the slope's inverse on both sides of that of the push (the sandwich of Huber 1967).
 
         Args:
-            alignment: of the match.
-            held: ``(3, 3)`` its information without what does not resist being moved.
+            alignment: of the match alone.
         """
         variance = max(self._variance or self._noise**2, LEAST_NOISE**2)
-        push = 0.5 * (alignment.push[0] + variance * alignment.spread[0])
-        slope = self._slope * held
+        spread = alignment.spread[0]
+        unit = np.sqrt(np.diag(spread) + TINY)
+        values, vectors = np.linalg.eigh(alignment.push[0] / np.outer(unit, unit))
+        own = np.outer(unit, unit) * ((vectors * np.maximum(values, 0.0)) @ vectors.T)  # of few returns, not quite one
+        push = 0.5 * (own + variance * spread) + np.diag(TINY + LEAST_PUSH * np.square(unit))
+        slope = self._slope * alignment.information[0]
         information = np.asarray(slope @ np.linalg.solve(push, slope), dtype=np.float64)
-        share = np.trace(information[:2, :2]) / max(np.trace(held[:2, :2]), 1e-300)
+        share = np.trace(information[:2, :2]) / max(np.trace(alignment.information[0, :2, :2]), TINY)
         self._worth += (share - self._worth) / FIRST_SCANS
         return information
 
