@@ -124,28 +124,28 @@ class ScanMatcher:
     ) -> tuple[Array, Array, Array] | None:
         """Pose by returns and prediction, pose by the returns alone, and their information; None without overlap."""
         source, pair = SourceClouds.single(points), np.zeros((1, 2), dtype=np.int32)
-        sensor, weighing = self._sensor, self._sensor.alignment
+        options, noise = self._sensor.alignment, self._sensor.matches
         fine = align(
             local_map.index, source, pair, start[None],
-            T_prior=predicted[None], prior_information=prior_information[None] / sensor.match_worth, options=weighing,
+            T_prior=predicted[None], prior_information=prior_information[None] / noise.worth, options=options,
         )  # fmt: skip
-        pose = fine.T_target_source[0]
         if fine.overlap[0] < self._config.tracking.overlap:
             return None
-        sensor.matched(float(fine.rms[0]), float(fine.correlation[0]), float(fine.variance[0]))
-        if sensor.wants_slope:
-            share = slope_share(local_map.index, source, pair, fine.T_target_source, fine.information, weighing)
-            sensor.sloped(float(share[0]))
+        noise.add(fine)
+        if noise.wants_slope():
+            share = slope_share(local_map.index, source, pair, fine.T_target_source, fine.information, options)
+            noise.add_slope(float(share[0]))
         held = with_new_partners(
-            local_map.index, source, pair, fine.T_target_source, fine.information, weighing,
-            worth=sensor.information_of(fine)[None],
+            local_map.index, source, pair, fine.T_target_source, fine.information, options,
+            worth=self._sensor.match_information(fine)[None],
         )  # fmt: skip
-        clean = without_normal_noise(held, sensor.normal_variance, source.moments())
-        T_returns = np.asarray(se2.retract(pose, fine.step[0]))
-        # The alignment held the prediction against returns as they are, not against what they are worth.
-        information = clean[0]
-        fused = information @ fine.step[0] + prior_information @ se2.between(pose, predicted)
-        return se2.retract(pose, np.linalg.solve(information + prior_information, fused)), T_returns, information
+        information = without_normal_noise(held, self._sensor.normal_variance, source.moments())[0]
+        # The alignment weighed the prediction against returns as they are in the mean, not against what each direction
+        # of them is worth: along a bare corridor it followed noise of the normals.
+        pose, step = fine.T_target_source[0], fine.step[0]
+        gradient = information @ step + prior_information @ se2.between(pose, predicted)
+        fused = se2.retract(pose, np.linalg.solve(information + prior_information, gradient))
+        return np.asarray(fused), np.asarray(se2.retract(pose, step)), information
 
     @staticmethod
     def _slip(predicted: Array, T_returns: Array, prior: Array, information: Array) -> float:

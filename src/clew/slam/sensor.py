@@ -11,16 +11,13 @@ from numpy.typing import NDArray
 from clew.motion import OdometryCalibration
 from clew.scan import Alignment, AlignmentOptions, LaserScan, collinearity_residuals, robust_deviation
 from clew.slam.config import SlamConfig
+from clew.slam.match_noise import MatchNoise
 
 Array = NDArray[np.float64]
 
 FIRST_SCANS = 20  # looked at one by one,
 EVERY = 10  # later one in so many
 NOISE_SCANS = 60  # whose residuals make the estimate of the noise
-FIRST_SLOPE, LEAST_SLOPE = 0.7, 0.2  # shares of the information; before any match, and at least
-LEAST_PUSH = 1e-9
-TINY = 1e-100
-MATCHES = 100  # residuals of matches that are remembered
 LEAST_NOISE = 0.002  # metres; below, the world is rougher than any laser measures
 #: A Gaussian's root mean square, weighted by a Cauchy kernel of scale two deviations, is this share of its deviation.
 CAUCHY_SHARE = 0.9
@@ -34,20 +31,16 @@ class SensorModel:
 
     Attributes:
         odometry: noise and systematic errors of the odometry.
+        matches: what matches are worth.
     """
 
     def __init__(self, config: SlamConfig) -> None:
         self.odometry = OdometryCalibration(config.odometry)
+        self.matches = MatchNoise()
         self._residuals: deque[Array] = deque(maxlen=NOISE_SCANS)
         self._alignment = config.alignment
         self._cleaning = config.cleaning
         self._noise = config.alignment.sigma / 2  # until the first scan tells
-        self._matches: deque[Array] = deque(maxlen=MATCHES)  # residual, correlation and variance
-        self._matched, self._correlation, self._variance = 0.0, 1.0, 0.0  # their medians, once there are enough
-        self._slopes: deque[float] = deque(maxlen=MATCHES)
-        self._slope = FIRST_SLOPE
-        self._unsloped = 0  # matches since
-        self._worth = 0.5
         self._scans = 0
         self._gaps: deque[float] = deque(maxlen=1000)
         self._last: float | None = None
@@ -65,7 +58,7 @@ class SensorModel:
     @property
     def return_deviation(self) -> float:
         """Deviation of a return about the map: noise of the range, roughness of surfaces, errors of the map, metres."""
-        return max(self._matched / CAUCHY_SHARE, self._noise, LEAST_NOISE)
+        return max(self.matches.rms / CAUCHY_SHARE, self._noise, LEAST_NOISE)
 
     @property
     def alignment(self) -> AlignmentOptions:
@@ -80,31 +73,9 @@ class SensorModel:
         """
         return independent * (self.alignment.sigma / self.return_deviation) ** 2
 
-    @property
-    def match_worth(self) -> float:
-        """What the information of an alignment is worth in the mean of recent matches."""
-        return self._worth
-
-    def information_of(self, alignment: Alignment) -> Array:
-        """Information ``(3, 3)`` of the returns of a match.
-
-        Their residuals, with what neighbours have in common, push the pose about; it resists by the slope of the error.
-        The covariance is the slope's inverse on both sides of that of the push (the sandwich of Huber 1967).
-
-        Args:
-            alignment: of the match alone.
-        """
-        variance = max(self._variance or self._noise**2, LEAST_NOISE**2)
-        spread = alignment.spread[0]
-        unit = np.sqrt(np.diag(spread) + TINY)
-        values, vectors = np.linalg.eigh(alignment.push[0] / np.outer(unit, unit))
-        own = np.outer(unit, unit) * ((vectors * np.maximum(values, 0.0)) @ vectors.T)  # of few returns, not quite one
-        push = 0.5 * (own + variance * spread) + np.diag(TINY + LEAST_PUSH * np.square(unit))
-        slope = self._slope * alignment.information[0]
-        information = np.asarray(slope @ np.linalg.solve(push, slope), dtype=np.float64)
-        share = np.trace(information[:2, :2]) / max(np.trace(alignment.information[0, :2, :2]), TINY)
-        self._worth += (share - self._worth) / FIRST_SCANS
-        return information
+    def match_information(self, match: Alignment) -> Array:
+        """Information ``(3, 3)`` of the returns of a match, the only one in its alignment."""
+        return self.matches.information(match, self._noise, LEAST_NOISE)
 
     @property
     def normal_variance(self) -> float:
@@ -137,24 +108,6 @@ class SensorModel:
             if np.isfinite(noise):
                 self._noise = noise
 
-    def matched(self, rms: float, correlation: float, variance: float) -> None:
-        """Take notice of the residuals of a match, see `clew.scan.Alignment`."""
-        self._matches.append(np.array([rms, correlation, variance]))
-        if len(self._matches) >= FIRST_SCANS:
-            self._matched, self._correlation, self._variance = np.median(np.array(self._matches), axis=0).tolist()
-
-    @property
-    def wants_slope(self) -> bool:
-        """Whether the slope of the next match should be looked at: often at first, later it hardly changes."""
-        self._unsloped += 1
-        return len(self._slopes) < FIRST_SCANS or self._unsloped >= EVERY
-
-    def sloped(self, share: float) -> None:
-        """Take notice of the share of its information that a match resists by."""
-        self._unsloped = 0
-        self._slopes.append(share)
-        self._slope = float(np.clip(np.median(self._slopes), LEAST_SLOPE, 1.0))
-
     def report(self) -> dict[str, object]:
         """Plain numbers: metres, degrees, Hertz."""
         (beams, increment), _ = self._beams.most_common(1)[0]
@@ -167,6 +120,7 @@ class SensorModel:
             "sweep_seconds": round(self._sweep, 4),
             "range_noise_m": round(self.range_noise, 4),
             "return_deviation_m": round(self.return_deviation, 4),
+            "residual_correlation": round(self.matches.correlation, 2),
             "longest_return_m": round(float(np.quantile(self._longest, 0.98)), 2),
             "share_of_returns": round(float(self._returns[0] / max(self._returns[1], 1.0)), 3),
         }

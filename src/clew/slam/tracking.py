@@ -169,9 +169,11 @@ class Tracker:
     def _step_covariance(self) -> Array:
         """``(3, 3)`` of the pose seen from the last keyframe, in its own tangent.
 
-        Where returns tell nothing for a while, as along a bare corridor, keyframes drift in the map. The first match
-        that tells corrects all of that at once: of the drift of the last keyframe, what is not left in the pose is an
-        error of the step between the two.
+        The last keyframe is not quite where the map has it. Its own returns put it there with noise of their own, which
+        the pose does not share once returns of its own tell it: seen from the keyframe it is off by both.
+        Where returns tell nothing for a while, as along a bare corridor, keyframes drift in the map besides. The first
+        match that tells corrects all of that at once: of both errors, what is not left in the pose is an error of the
+        step between the two.
         """
         corrected = self._kept - se2.adjoint(se2.inverse(self._T_keyframe_robot))
         of_keyframe = self._drift + self._noise
