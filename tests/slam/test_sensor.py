@@ -99,10 +99,12 @@ def test_returns_that_err_together_tell_less() -> None:
 def test_noise_of_normals_does_not_lead_along_a_bare_corridor() -> None:
     """Where returns tell nothing the pose is that of the odometry, not where their noise has it."""
     world = long_corridor(1, features=3, length=100.0)
-    log = simulate(world, drive(tour(world, 1, 120.0), rate=5.0, duration=100.0), LaserModel(), OdometryModel.medium(), 1)
+    way = drive(tour(world, 1, 120.0), rate=5.0, duration=100.0)
+    log = simulate(world, way, LaserModel(), OdometryModel.medium(), 1)
     slam = mapped(log.measurements())
     rows = np.searchsorted(log.timestamps, slam.keyframes.timestamps)
-    truth, reckoned = (se2.between(poses[rows[:-1]], poses[rows[1:]]) for poses in (log.T_world_robot, log.T_odom_robot))
+    truth = se2.between(log.T_world_robot[rows[:-1]], log.T_world_robot[rows[1:]])
+    reckoned = se2.between(log.T_odom_robot[rows[:-1]], log.T_odom_robot[rows[1:]])
     by_odometry, errors = se2.between(truth, reckoned), steps(log, slam)[0]
     assert np.sqrt(np.mean(errors[:, 0] ** 2)) < 1.2 * np.sqrt(np.mean(by_odometry[:, 0] ** 2))
     assert np.sqrt(np.mean(errors[:, 1] ** 2)) < 0.5 * np.sqrt(np.mean(by_odometry[:, 1] ** 2))
