@@ -132,9 +132,10 @@ void find_push(const std::vector<Score>& scores, const double* points, const Ali
         if (here.weight == 0) continue;
         double beside[3] = {0, 0, 0}, next = 0;
         for (std::size_t j = i + 1; j < scores.size(); ++j) {
-            const double d = std::hypot(points[2 * j] - points[2 * i], points[2 * j + 1] - points[2 * i + 1]);
-            if (d >= length) break;
-            const double part = (1.0 - d / length) * scores[j].value;
+            const double dx = points[2 * j] - points[2 * i], dy = points[2 * j + 1] - points[2 * i + 1];
+            const double squared = dx * dx + dy * dy;
+            if (squared >= length * length) break;
+            const double part = (1.0 - std::sqrt(squared) / length) * scores[j].value;
             for (int a = 0; a < 3; ++a) beside[a] += part * scores[j].j[a];
             next += part;
         }
@@ -180,8 +181,9 @@ AlignResult align(const PointIndexView& target, const double* points, const doub
         if (last_radius && small) break;
         radius = small ? o.radius_end : std::max(o.radius_end, 0.6 * radius);
     }
-    std::vector<Score> scores(n);
-    const Normal data = linearise(target, points, normals, weights, n, 1, pose, o.radius_end, o, scores.data());
+    std::vector<Score> scores(o.correlated > 0 ? n : 0);
+    const Normal data = linearise(target, points, normals, weights, n, 1, pose, o.radius_end, o,
+                                  scores.empty() ? nullptr : scores.data());
     AlignResult out{};
     out.pose = pose;
     const double* h = data.h;

@@ -15,7 +15,7 @@ struct AlignOptions {
     double robust;         // Cauchy scale in sigmas
     double facing;         // least cosine between the two normals of a correspondence
     std::int32_t iterations;
-    double correlated;     // metres; returns next to each other within it may have errors in common
+    double correlated;     // metres; returns next to each other within it may have errors in common; 0: no push is found
 };
 
 struct AlignResult {

@@ -180,7 +180,7 @@ nb::tuple align_(const Rows2& target_points, const Rows2& target_normals, const 
             "align: one start and one prior a pair");
     require(radius_start >= radius_end && radius_end > 0 && sigma > 0 && robust > 0 && iterations > 0,
             "align: radii, sigma, robust and iterations must be positive");
-    require(correlated > 0 && std::isfinite(correlated), "align: the length of correlation must be positive");
+    require(correlated >= 0 && std::isfinite(correlated), "align: the length of correlation must not be negative");
     require(target_offsets.data()[clouds] == static_cast<std::int64_t>(targets_n) && target_offsets.data()[0] == 0 &&
                 starts_offsets.data()[0] == 0 && std::is_sorted(target_offsets.data(), target_offsets.data() + clouds + 1) &&
                 std::is_sorted(starts_offsets.data(), starts_offsets.data() + clouds + 1) &&

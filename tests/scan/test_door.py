@@ -92,7 +92,7 @@ def alignment(**changed: Any) -> list[Any]:
     {"target_offsets": lambda a: a + 1}, {"offsets": lambda a: a * 2}, {"cells": np.zeros(1)},
     {"offsets": np.array([0, 30, 20])}, {"offsets": np.zeros(0, dtype=np.int64)}, {"origins": np.full((1, 2), np.nan)},
     {"radius_start": 0.05}, {"radius_end": 0.0}, {"sigma": 0.0}, {"robust": -1.0}, {"iterations": 0},
-    {"radius_start": np.inf}, {"correlated": 0.0}, {"correlated": np.nan},
+    {"radius_start": np.inf}, {"correlated": -0.1}, {"correlated": np.nan},
 ], ids=lambda changed: next(iter(changed)))
 def test_align_refuses(changed: dict[str, Any]) -> None:
     _native.scan.align(*alignment())

@@ -34,7 +34,7 @@ class AlignmentOptions:
         facing: least cosine between the normals of two partners.
         iterations: Gauss-Newton steps at most.
         correlated: returns next to each other within this distance may have errors in common, metres: those of a
-            surface and of the place where the target has it.
+            surface and of the place where the target has it. 0: what residuals tell of errors is left out.
     """
 
     radius_start: float = 0.4
@@ -240,7 +240,7 @@ def _curvature(
         targets, sources, np.repeat(pairs, 2, axis=0),
         se2.compose(T_target_source[:, None], sides).reshape(-1, 3),
         prior_information=np.broadcast_to(PINNED * np.eye(3), (2 * len(pairs), 3, 3)),
-        options=replace(options, radius_start=options.radius_end, iterations=1), threads=threads,
+        options=replace(options, radius_start=options.radius_end, iterations=1, correlated=0.0), threads=threads,
     )  # fmt: skip
     gradients = -np.einsum("nij,nj->ni", at_ends.information, at_ends.step).reshape(-1, 2, 3)
     return np.asarray(np.einsum("ni,ni->n", gradients[:, 0] - gradients[:, 1], direction) / (2.0 * distance))

@@ -211,7 +211,7 @@ def _align_part(
         batch, batch.as_sources(), np.asarray(local.reshape(-1, 2), dtype=np.int32),
         se2.between(poses[pairs[:, 0]], poses[pairs[:, 1]]),
         prior_information=np.broadcast_to(WEAK_PRIOR, (len(pairs), 3, 3)),
-        options=replace(sensor.alignment, radius_start=start, radius_end=end), threads=config.threads,
+        options=replace(sensor.alignment, radius_start=start, radius_end=end, correlated=0.0), threads=config.threads,
     )  # fmt: skip
     # The pose of the returns alone, not the one that the prior holds back: it would confirm where the pair is now.
     size = np.hypot(np.hypot(fine.step[:, 0], fine.step[:, 1]), LEVER * fine.step[:, 2])
