@@ -12,7 +12,7 @@ from clew.errors import InputError
 from clew.geometry import SE2, se2
 from clew.graph import FactorGraph
 from clew.mapping import OccupancyGrid, build_occupancy_grid, moving_returns
-from clew.motion import GyroBuffer, Odometry, OdometryBuffer, TurnRates
+from clew.motion import GyroBuffer, GyroHeading, Odometry, OdometryBuffer, TurnRates
 from clew.place import Closure
 from clew.scan import LaserScan
 from clew.slam.config import SlamConfig
@@ -141,7 +141,8 @@ class Slam:
             )
         self._sensor.see(scan)
         heading = self._gyro.at(scan.timestamp)
-        tracked = self._tracker.track(scan, T_odom_robot, self._velocity(scan, T_odom_robot), heading)
+        velocity, rate = self._velocity(scan, T_odom_robot), self._turn_rate(scan, heading)
+        tracked = self._tracker.track(scan, T_odom_robot, velocity, heading, rate)
         self._scans.add(tracked.scan, tracked.keyframe, tracked.T_keyframe_robot, T_odom_robot)
         self._last_scan = tracked.scan
         self._refined = None
@@ -167,6 +168,13 @@ class Slam:
         end = self._odometry.at(scan.timestamp + sweep)
         assert end is not None
         return np.asarray(se2.log(se2.between(T_odom_robot, end)) / sweep, dtype=np.float64)
+
+    def _turn_rate(self, scan: LaserScan, heading: GyroHeading | None) -> float | None:
+        """Radians a second during the sweep of a scan as the gyro tells it, bias and all."""
+        sweep = scan.time_increment * len(scan.ranges)
+        end = self._gyro.at(scan.timestamp + sweep) if sweep > 0.0 else None
+        told = None if end is None else end.since(heading)
+        return None if told is None else float(told[1] / sweep)
 
     def optimise(self) -> None:
         """Move all keyframes to where odometry and closures agree best, with those closures that only now are sure."""
