@@ -165,7 +165,7 @@ def sweeps(worlds: list[str], seeds: list[int], duration: float) -> None:
 def untold(stream: Stream) -> Iterator[LaserScan | Odometry | TurnRates]:
     """Scans without the time between their beams."""
     for m in stream:
-        yield replace(m, time_increment=0.0) if isinstance(m, LaserScan) else m
+        yield replace(m, time_increment=0.0, moments=None) if isinstance(m, LaserScan) else m
 
 
 def frozen(stream: Stream) -> Iterator[LaserScan | Odometry | TurnRates]:

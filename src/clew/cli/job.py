@@ -128,6 +128,11 @@ def sensor_lines(sensor: dict[str, dict[str, object]]) -> list[str]:
         f"laser: {laser['beams']} beams over {laser['field_of_view_deg']:g} degrees, "
         f"{laser['scans_per_second']} scans a second, range noise {1000 * float(str(laser['range_noise_m'])):.0f} mm"
     ]
+    if laser["sweep_known_from"] == "scans":
+        found = {"one after the other within": laser["sweep_seconds"],
+                 "every second one later by": laser["interlace_seconds"]}
+        told = ", ".join(f"{what} {1000 * float(str(value)):.1f} ms" for what, value in found.items() if value)
+        lines.append(f"its beams are not of one moment, as scans of the turning robot show: {told}")
     if odometry := sensor.get("odometry"):
         metre, radian = odometry["noise_per_sqrt_metre"], odometry["noise_per_sqrt_radian"]
         assert isinstance(metre, dict)

@@ -1,6 +1,7 @@
 """Motion models: where a robot's readings take it, and how far they can be trusted."""
 
 from clew.motion.ackermann import Ackermann
+from clew.motion.body_velocity import BodyVelocities, are_regular, body_velocities
 from clew.motion.buffer import OdometryBuffer
 from clew.motion.calibration import OdometryCalibration, OdometryQuality, bounded
 from clew.motion.gyro import Gyro, GyroMotion
@@ -16,6 +17,7 @@ from clew.motion.wheels import WheelEncoders
 
 __all__ = [
     "Ackermann",
+    "BodyVelocities",
     "Gyro",
     "GyroBuffer",
     "GyroCalibration",
@@ -34,6 +36,8 @@ __all__ = [
     "TurnRates",
     "VelocityNoise",
     "WheelEncoders",
+    "are_regular",
+    "body_velocities",
     "bounded",
     "cut",
     "increment_motion",

@@ -88,7 +88,8 @@ class SimulatedLog:
         """The scan at the timestamp of this index."""
         return LaserScan(float(self.timestamps[index]), self.ranges[index], self.laser.angle_min,
                          self.laser.angle_increment, self.laser.range_min, self.laser.range_max,
-                         np.array(self.laser.T_robot_sensor), time_increment=self.laser.time_increment)
+                         np.array(self.laser.T_robot_sensor), time_increment=self.laser.time_increment,
+                         moments=self.laser.moments if self.laser.interlace else None)
 
     def measurements(self) -> Iterator[LaserScan | Odometry | TurnRates]:
         """Yield the gyro's readings up to the end of the scan, the odometry and then the scan of each timestamp."""
@@ -107,7 +108,7 @@ def _swept(driven: Drive, laser: LaserModel) -> Array:
     """``(N, B, 3)`` poses of the laser at each beam, its x axis along the beam."""
     poses = driven.T_world_robot
     unwrapped = np.column_stack([poses[:, :2], np.unwrap(poses[:, 2])])
-    moments = driven.timestamps[:, None] + laser.time_increment * np.arange(laser.beams)
+    moments = driven.timestamps[:, None] + laser.moments
     at = np.minimum(moments, driven.timestamps[-1])
     moved = unwrapped if len(poses) < 2 else CubicSpline(driven.timestamps, unwrapped)(at)
     T_world_sensor = sensor_poses(np.broadcast_to(moved, (*moments.shape, 3)), laser)
@@ -140,7 +141,7 @@ def simulate(world: World, driven: Drive, laser: LaserModel, odometry: OdometryM
     poses = driven.T_world_robot
     T_world_sensor = sensor_poses(poses, laser)
     angles = laser.angles
-    if laser.sweep > 0.0:  # each beam is measured from a place of its own
+    if laser.sweep > 0.0 or laser.interlace > 0.0:  # each beam is measured from a place of its own
         T_world_sensor = _swept(driven, laser).reshape(-1, 3)
         angles = np.zeros(1)
     distances = cast_rays(world.segments, T_world_sensor, angles, laser.range_max + 1.0)
