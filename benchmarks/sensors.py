@@ -18,6 +18,7 @@ import argparse
 import time
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
+from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
@@ -151,10 +152,11 @@ def sweeps(worlds: list[str], seeds: list[int], duration: float) -> None:
     rows = []
     for kind in worlds:
         for seed in seeds:
-            for told, sweep, odometry in (("none", 0.0, True), ("not told", 0.1, True), ("told", 0.1, True),
-                                          ("none", 0.0, False), ("not told", 0.1, False), ("told", 0.1, False)):
-                laser = replace(SPINNING.laser, sweep=sweep)
-                log = record(WORLDS[kind](seed), Sensor(laser, SPINNING.rate), OdometryModel.medium(), seed, duration)
+            for told, odometry in product(("none", "not told", "told", "told, with a gyro"), (True, False)):
+                laser = replace(SPINNING.laser, sweep=0.0 if told == "none" else 0.1)
+                gyro = GyroModel() if told.endswith("gyro") else None
+                log = record(WORLDS[kind](seed), Sensor(laser, SPINNING.rate), OdometryModel.medium(), seed, duration,
+                             gyro)  # fmt: skip
                 stream = untold(log.measurements()) if told == "not told" else log.measurements()
                 run = estimate(log, stream, odometry)
                 found = run.slam.sensor["laser"]["sweep_seconds"]  # type: ignore[index]

@@ -81,7 +81,7 @@ class Tracker:
 
     def track(
         self, scan: LaserScan, T_odom_robot: Array | None, velocity: Array | None = None,
-        heading: GyroHeading | None = None,
+        heading: GyroHeading | None = None, turn_rate: float | None = None,
     ) -> TrackedScan:  # fmt: skip
         """Pose of the robot at a scan, and the scan without the robot's motion during its sweep.
 
@@ -89,9 +89,10 @@ class Tracker:
             scan: as it was recorded, with the moments of its beams where they are known.
             T_odom_robot: ``(3,)``, None where there is no odometry.
             velocity: ``(3,)`` body velocity during the sweep by odometry; without it the match tells.
-            heading: by a gyro, None where there is none.
+            heading: by a gyro, None where there is none,
+            turn_rate: and what it tells of the sweep, radians a second.
         """
-        rate = self._predictor.turn_rate(heading)
+        rate = self._predictor.turn_rate(turn_rate)
         if self._map is None:
             during = _at_rate(np.zeros(3) if velocity is None else velocity, rate)
             return self._first(deskew(scan, during), T_odom_robot, heading, during)
