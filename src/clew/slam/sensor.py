@@ -9,7 +9,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from clew.motion import GyroCalibration, OdometryCalibration
-from clew.scan import Alignment, AlignmentOptions, BeamTimes, LaserScan, collinearity_residuals, robust_deviation
+from clew.scan import (
+    Alignment,
+    AlignmentOptions,
+    BeamTimes,
+    LaserScan,
+    collinearity_residuals,
+    robust_deviation,
+)
 from clew.slam.config import SlamConfig
 from clew.slam.match_noise import MatchNoise
 
@@ -31,18 +38,18 @@ class SensorModel:
 
     Attributes:
         odometry: noise and systematic errors of the odometry.
-        matches: what matches are worth.
         gyro: noise, bias and scale of the gyro.
         tells_beam_times: whether the log tells when the beams of a scan are measured,
         beam_times: and as found from scans where it does not.
+        matches: what matches are worth.
     """
 
     def __init__(self, config: SlamConfig) -> None:
         self.odometry = OdometryCalibration(config.odometry)
-        self.matches = MatchNoise()
         self.gyro = GyroCalibration(config.gyro)
         self.tells_beam_times = False
         self.beam_times = BeamTimes()
+        self.matches = MatchNoise()
         self._residuals: deque[Array] = deque(maxlen=NOISE_SCANS)
         self._alignment = config.alignment
         self._cleaning = config.cleaning

@@ -232,7 +232,7 @@ class Tracker:
         self._drift = (1.0 - 1.0 / self._config.tracking.map_keyframes) * left  # older keyframes leave the map
         self._T_keyframe_robot, self._covariance, self._kept = np.zeros(3), of_returns, np.eye(3)
         self._noise = of_returns
-        self._map = self._maps.build(index)
+        self._map = self._maps.build(index, scan)
         return index
 
 
