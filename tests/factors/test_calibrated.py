@@ -25,34 +25,34 @@ def preintegrated(slopes: np.ndarray = SLOPES, unit: int | None = None) -> Prein
 
 @pytest.mark.parametrize("sees", [Point2, SE2])
 def test_laws_of_sightings(sees: type) -> None:
-    keys = [FIRST + 100 * k for k in (1, 2, 3, 4)]
+    keys = [FIRST + 100 * k for k in (1, 2, 3, 4, 5)]
     check_factor(CalibratedRange(FIRST, FIRST + 50, keys, RANGES, BASIS, sees=sees, sigmas=0.1))
     check_factor(CalibratedBearing(FIRST, FIRST + 50, keys, BEARINGS, BASIS, sees=sees, sigmas=0.1))
 
 
 def test_an_offset_changes_nothing_at_the_range_that_it_counts_from() -> None:
     q = np.array([[1.0, 0.0], [0.0, 2.0], [-5.0, 0.0]])
-    factor = CalibratedRange(FIRST[:3], FIRST[:3], [FIRST[:3]] * 4, [1.0, 2.0, 5.0], [0.0, 0.0, 0.5], sigmas=1.0)
-    error = factor.residual(np.zeros((3, 3)), q, np.full((3, 2), [0.0, 0.1]), *np.zeros((3, 3, 2)),
+    factor = CalibratedRange(FIRST[:3], FIRST[:3], [FIRST[:3]] * 5, [1.0, 2.0, 5.0], [0.0, 0.0, 0.5], sigmas=1.0)
+    error = factor.residual(np.zeros((3, 3)), q, np.full((3, 2), [0.0, 0.1]), *np.zeros((4, 3, 2)),
                             measurement=factor.measurement)  # fmt: skip
     np.testing.assert_allclose(error[:, 0], [0.05, 0.0, -0.15])
 
 
 def test_the_distortion_is_that_of_the_true_direction() -> None:
     q = np.array([[1.0, np.tan(0.3)], [1.0, np.tan(-0.5)]])
-    factor = CalibratedBearing(FIRST[:2], FIRST[:2], [FIRST[:2]] * 4, [0.3, -0.5], [0.1, 0.2, 0.0], sigmas=1.0)
+    factor = CalibratedBearing(FIRST[:2], FIRST[:2], [FIRST[:2]] * 5, [0.3, -0.5], [0.1, 0.2, 0.0], sigmas=1.0)
     error = factor.residual(np.zeros((2, 3)), q, np.full((2, 2), [0.02, 0.1]), np.full((2, 2), [0.2, 1.0]),
-                            *np.zeros((2, 2, 2)), measurement=factor.measurement)  # fmt: skip
+                            *np.zeros((3, 2, 2)), measurement=factor.measurement)  # fmt: skip
     expected = [0.02 + 0.1 * 0.2 + 0.2 * -0.11 + 0.027, 0.02 - 0.1 * 0.6 + 0.2 * 0.05 - 0.125]
     np.testing.assert_allclose(error[:, 0], expected)
 
 
 def test_the_distortion_does_not_fold_over() -> None:
     """Something behind the robot is not seen ahead, whatever the polynomial is there."""
-    factor = CalibratedBearing(0, 1, (2, 3, 4, 5), 0.1, np.zeros(3), sigmas=1.0)
+    factor = CalibratedBearing(0, 1, (2, 3, 4, 5, 6), 0.1, np.zeros(3), sigmas=1.0)
     none, cubic = np.zeros((1, 2)), np.array([[0.0, -0.13]])
     errors = [
-        factor.residual(np.zeros((1, 3)), np.array([[np.cos(b), np.sin(b)]]), none, cubic, none, none,
+        factor.residual(np.zeros((1, 3)), np.array([[np.cos(b), np.sin(b)]]), none, cubic, none, none, none,
                         measurement=factor.measurement)[0, 0]
         for b in (0.1, 2.5, 2.6, 2.7, 3.0)
     ]  # fmt: skip
@@ -60,12 +60,12 @@ def test_the_distortion_does_not_fold_over() -> None:
     assert min(errors[1:]) > 2.0
 
 
-def test_the_bias_of_a_target_is_added() -> None:
-    pose, point, bias = np.zeros((1, 3)), np.array([[2.0, 0.0]]), np.array([[0.03, -0.02]])
-    for kind, measured, expected in ((CalibratedRange, 2.0, 0.03), (CalibratedBearing, 0.0, -0.02)):
-        factor = kind(0, 1, (2, 3, 4, 5), measured, np.zeros(3), sigmas=1.0)
-        none = np.zeros((1, 2))
-        error = factor.residual(pose, point, none, none, bias, none, measurement=factor.measurement)
+def test_the_bias_of_a_view_and_what_sets_a_mark_apart_are_added() -> None:
+    pose, point = np.zeros((1, 3)), np.array([[2.0, 0.0]])
+    bias, mark, none = np.array([[0.03, -0.02]]), np.array([[0.01, 0.004]]), np.zeros((1, 2))
+    for kind, measured, expected in ((CalibratedRange, 2.0, 0.03 + 2.0 * 0.01), (CalibratedBearing, 0.0, -0.016)):
+        factor = kind(0, 1, (2, 3, 4, 5, 6), measured, np.zeros(3), sigmas=1.0)
+        error = factor.residual(pose, point, none, none, bias, mark, none, measurement=factor.measurement)
         np.testing.assert_allclose(error, [[expected]], atol=1e-12)
 
 
@@ -95,9 +95,9 @@ def test_without_deviations_they_are_the_plain_factors() -> None:
     pose, other = (random_elements(SE2, (COUNT,), RNG) for _ in range(2))
     point, none = random_elements(Point2, (COUNT,), RNG), np.zeros((COUNT, 2))
     pairs = [
-        (CalibratedRange(FIRST, FIRST, [FIRST] * 4, RANGES, BASIS, sigmas=1.0),
+        (CalibratedRange(FIRST, FIRST, [FIRST] * 5, RANGES, BASIS, sigmas=1.0),
          Range(FIRST, FIRST, RANGES, sigmas=1.0)),
-        (CalibratedBearing(FIRST, FIRST, [FIRST] * 4, BEARINGS, BASIS, sigmas=1.0),
+        (CalibratedBearing(FIRST, FIRST, [FIRST] * 5, BEARINGS, BASIS, sigmas=1.0),
          Bearing(FIRST, FIRST, BEARINGS, sigmas=1.0)),
     ]  # fmt: skip
     for mine, plain in pairs:
@@ -113,13 +113,13 @@ def test_without_deviations_they_are_the_plain_factors() -> None:
 
 
 def test_bad_input_is_named() -> None:
-    with pytest.raises(InputError, match="needs 4"):
+    with pytest.raises(InputError, match="needs 5"):
         CalibratedRange(0, 1, (2,), 1.0, np.zeros(3), sigmas=1.0)
     with pytest.raises(InputError, match="basis"):
-        CalibratedRange(0, 1, (2, 3, 4, 5), 1.0, np.zeros(2), sigmas=1.0)
+        CalibratedRange(0, 1, (2, 3, 4, 5, 6), 1.0, np.zeros(2), sigmas=1.0)
     with pytest.raises(InputError, match="derivatives"):
         preintegrated(SLOPES[:, :, :3])
     with pytest.raises(InputError, match="unit is 4"):
         preintegrated(unit=4)
     with pytest.raises(InputError, match="sees"):
-        CalibratedBearing(0, 1, (2, 3, 4, 5), 1.0, np.zeros(3), sees=int, sigmas=1.0)
+        CalibratedBearing(0, 1, (2, 3, 4, 5, 6), 1.0, np.zeros(3), sees=int, sigmas=1.0)

@@ -6,6 +6,7 @@ import json as json_
 import sys
 import time
 from collections import Counter
+from dataclasses import asdict
 from pathlib import Path
 
 import numpy as np
@@ -121,6 +122,7 @@ def _summary(
         "robots": robots,
         "landmarks": len(found.identity),
         "sightings": int(found.sightings.sum()),
+        "marks": asdict(found.marks),
         "chi2": found.solution.chi2,
         "status": found.solution.status.name,
         "skipped": dict(sorted(skipped.items())),

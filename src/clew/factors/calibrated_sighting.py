@@ -119,44 +119,47 @@ class CalibratedSighting(Measured):
 class CalibratedRange(CalibratedSighting):
     """Distance of what was seen.
 
-    Residual: ``|q| (1 + scale + slope f_1 + curve f_2 - offset f_3) + offset + bias - range``. Parameters: ``(scale,
-    offset)``, ``(slope, curve)``, ``(bias, .)``, ``(forward, left)``; the bias is that of one view. ``f_1``
-    and ``f_2`` are the measured bearing and its square, each less a constant, ``f_3`` an inverse range at which the
-    offset shall change nothing.
+    Residual: ``|q| (1 + scale + slope f_1 + curve f_2 - offset f_3 + share) + offset + bias - range``. Parameters:
+    ``(scale, offset)``, ``(slope, curve)``, ``(bias, .)``, ``(share, .)``, ``(forward, left)``; the bias is that of one
+    view, the share that of what is seen: a mark printed too small looks far. ``f_1`` and ``f_2`` are the measured
+    bearing and its square, each less a constant, ``f_3`` an inverse range at which the offset shall change nothing.
     """
 
-    _parameters = 4
+    _parameters = 5
     _basis = 3
 
     def _error(self, q: Array, *parameters: Array, measurement: Array) -> Array:
         added = parameters[0][:, 1:] + parameters[2][:, :1]
-        return range_of(q) * self.stretch(*parameters[:2], measurement=measurement) + added - measurement[:, :1]
+        stretch = self.stretch(parameters[0], parameters[1], parameters[3], measurement=measurement)
+        return range_of(q) * stretch + added - measurement[:, :1]
 
     @staticmethod
-    def stretch(first: Array, second: Array, *, measurement: Array) -> Array:
+    def stretch(first: Array, second: Array, mark: Array, *, measurement: Array) -> Array:
         """What distances ``(M, 1)`` are multiplied by."""
-        along = first[:, :1] - first[:, 1:] * measurement[:, 3:]
+        along = first[:, :1] - first[:, 1:] * measurement[:, 3:] + mark[:, :1]
         result: Array = 1.0 + along + (second * measurement[:, 1:3]).sum(axis=1, keepdims=True)
         return result
 
     def _derivatives(self, q: Array, *parameters: Array, measurement: Array) -> tuple[Array, ...]:
         distance = range_of(q)
-        by_q = range_jacobian(q) * self.stretch(*parameters[:2], measurement=measurement)[:, :, None]
+        stretch = self.stretch(parameters[0], parameters[1], parameters[3], measurement=measurement)
+        by_q = range_jacobian(q) * stretch[:, :, None]
         first = np.concatenate([distance, 1.0 - distance * measurement[:, 3:]], axis=1)
-        return by_q, first[:, None], (distance * measurement[:, 1:3])[:, None], _column(0, len(q))
+        bias = _column(0, len(q))
+        return by_q, first[:, None], (distance * measurement[:, 1:3])[:, None], bias, distance[:, :, None] * bias
 
 
 class CalibratedBearing(CalibratedSighting):
     """Direction of what was seen.
 
-    Residual: ``b + offset + slope (b - f_1) + curve (b^2 - f_2) + cube (b^3 - f_3) + bias - bearing`` with
+    Residual: ``b + offset + slope (b - f_1) + curve (b^2 - f_2) + cube (b^3 - f_3) + bias + turn - bearing`` with
     ``b = atan2(q_y, q_x)``, taken within half a turn of the measured bearing. Parameters: ``(offset, slope)``,
-    ``(curve, cube)``, ``(., bias)``, ``(forward, left)``; the bias is that of one view, ``f_1`` to ``f_3``
-    are constants. The distortion is that of the true direction (that of the measured one would make errors look smaller
-    the more it compresses the picture), but at most `NEAR` from the measured one.
+    ``(curve, cube)``, ``(., bias)``, ``(., turn)``, ``(forward, left)``; the bias is that of one view, the turn that of
+    what is seen, ``f_1`` to ``f_3`` are constants. The distortion is that of the true direction (that of the measured
+    one would make errors look smaller the more it compresses the picture), but at most `NEAR` from the measured one.
     """
 
-    _parameters = 4
+    _parameters = 5
     _basis = 3
 
     def direction(self, pose: Array, target: Array, *parameters: Array, measurement: Array) -> Array:
@@ -171,10 +174,10 @@ class CalibratedBearing(CalibratedSighting):
         return measured + apart, measured + np.clip(apart, -NEAR, NEAR)
 
     def _error(self, q: Array, *parameters: Array, measurement: Array) -> Array:
-        (first, second, bias, _), (b, near) = parameters, self._direction(q, measurement)
+        (first, second, bias, mark, _), (b, near) = parameters, self._direction(q, measurement)
         powers = np.stack([near, near**2, near**3], axis=1) - measurement[:, 1:]
         weights = np.concatenate([first[:, 1:], second], axis=1)
-        error: Array = b + first[:, 0] + bias[:, 1] + (powers * weights).sum(axis=1) - measurement[:, 0]
+        error: Array = b + first[:, 0] + bias[:, 1] + mark[:, 1] + (powers * weights).sum(axis=1) - measurement[:, 0]
         return error[:, None]
 
     def _derivatives(self, q: Array, *parameters: Array, measurement: Array) -> tuple[Array, ...]:
@@ -182,7 +185,8 @@ class CalibratedBearing(CalibratedSighting):
         stretch = 1.0 + (b == near) * (first[:, 1] + 2.0 * second[:, 0] * near + 3.0 * second[:, 1] * near**2)
         by_first = np.stack([np.ones(len(q)), near - measurement[:, 1]], axis=1)[:, None]
         by_second = np.stack([near**2, near**3], axis=1) - measurement[:, 2:]
-        return direction_jacobian(q) * stretch[:, None, None], by_first, by_second[:, None], _column(1, len(q))
+        bias = _column(1, len(q))
+        return direction_jacobian(q) * stretch[:, None, None], by_first, by_second[:, None], bias, bias
 
 
 def _column(coordinate: int, count: int) -> Array:

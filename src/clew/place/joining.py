@@ -89,7 +89,7 @@ def join_landmarks(
     pairs = _candidates(points, covariance, apart, gate)
     if not len(pairs.first):
         return []
-    evidence = pairs.evidence(pairs.difference, pairs.own, density)
+    evidence = _evidence(pairs.difference, pairs.own, density)
     least, margin = np.log(options.odds), np.log(options.rival_odds)
     hypotheses: list[_Hypothesis] = []
     tried: set[int] = set()
@@ -133,11 +133,21 @@ class _Candidates:
         out[:, others == pair] += _JITTER * np.eye(2)[:, None]
         return out.reshape(2, -1)
 
-    def evidence(self, difference: Array, own: Array, density: float) -> Array:
-        """How much likelier each pair is one landmark than two (logarithm)."""
-        distance = squared_distance(difference, own)
-        out: Array = -0.5 * (distance + np.log(4.0 * np.pi**2 * determinant(own))) - np.log(density)
-        return out
+
+def evidence_of_one(distance: Array, covariance: Array, density: float) -> Array:
+    """How much likelier landmarks are one than two (logarithm) by a difference that is zero if they are one.
+
+    Args:
+        distance: squared Mahalanobis distances ``(...)`` of the differences from zero.
+        covariance: ``(..., 2, 2)`` of the differences.
+        density: landmarks a square metre.
+    """
+    out: Array = -0.5 * (distance + np.log(4.0 * np.pi**2 * determinant(covariance))) - np.log(density)
+    return out
+
+
+def _evidence(difference: Array, own: Array, density: float) -> Array:
+    return evidence_of_one(squared_distance(difference, own), own, density)
 
 
 def _candidates(points: Array, covariance: Array, apart: Flags, gate: float) -> _Candidates:
@@ -176,7 +186,7 @@ def _grow(
         first, second = name[pairs.first[given.rows]], name[pairs.second[given.rows]]
         distance = squared_distance(given.difference, given.own)
         open_ = (first != second) & ~apart[first, second]
-        more = np.where(open_ & (distance <= gate), pairs.evidence(given.difference, given.own, density), -np.inf)
+        more = np.where(open_ & (distance <= gate), _evidence(given.difference, given.own, density), -np.inf)
         place = _clearest(more, first, second, apart, margin)
         if place < 0:
             break

@@ -15,6 +15,7 @@ from clew.scan import (
     align,
     correlate,
     merge_surfels,
+    slope_share,
     with_new_partners,
     without_normal_noise,
 )
@@ -125,7 +126,7 @@ class ScanMatcher:
             return unmatched
         covariance = np.asarray(np.linalg.inv(found.information + found.prior_information), dtype=np.float64)
         gain = covariance @ found.information
-        of_returns = np.asarray(gain @ covariance @ gain.T, dtype=np.float64)
+        of_returns = np.asarray(covariance @ found.information @ covariance, dtype=np.float64)
         kept = np.asarray((np.eye(3) - gain) @ transport, dtype=np.float64)
         return Match(found.pose, covariance, found.T_returns, found.information, of_returns, kept)
 
@@ -216,22 +217,30 @@ class ScanMatcher:
         worth the share that is `trusted`, so that the information falls with its square (Huber, "Robust Statistics",
         1981: the variance of an estimate by residuals of which a share is astray).
         """
-        worth = trusted * self._sensor.return_information(self._config.tracking.information_scale)
         source, pair = SourceClouds.single(points), np.zeros((1, 2), dtype=np.int32)
+        options, noise = self._sensor.alignment, self._sensor.matches
         fine = align(
             local_map.index, source, pair, start[None],
-            T_prior=predicted[None], prior_information=prior_information[None] / worth,
-            options=self._sensor.alignment,
+            T_prior=predicted[None], prior_information=prior_information[None] / (trusted * noise.worth),
+            options=options,
         )  # fmt: skip
-        pose = fine.T_target_source[0]
         if fine.overlap[0] < self._config.tracking.overlap:
             return None
-        self._sensor.matched(float(fine.rms[0]))
+        noise.add(fine)
+        if noise.wants_slope():
+            share = slope_share(local_map.index, source, pair, fine.T_target_source, fine.information, options)
+            noise.add_slope(float(share[0]))
         held = with_new_partners(
-            local_map.index, source, pair, fine.T_target_source, fine.information, self._sensor.alignment
-        )
-        clean = without_normal_noise(worth * held, self._sensor.normal_variance, source.moments())
-        return pose, np.asarray(se2.retract(pose, fine.step[0])), clean[0]
+            local_map.index, source, pair, fine.T_target_source, fine.information, options,
+            worth=trusted * self._sensor.match_information(fine)[None],
+        )  # fmt: skip
+        information = without_normal_noise(held, self._sensor.normal_variance, source.moments())[0]
+        # The alignment weighed the prediction against returns as they are in the mean, not against what each direction
+        # of them is worth: along a bare corridor it followed noise of the normals.
+        pose, step = fine.T_target_source[0], fine.step[0]
+        gradient = information @ step + prior_information @ se2.between(pose, predicted)
+        fused = se2.retract(pose, np.linalg.solve(information + prior_information, gradient))
+        return np.asarray(fused), np.asarray(se2.retract(pose, step)), information
 
     @staticmethod
     def _slip(predicted: Array, T_returns: Array, prior: Array, information: Array) -> float:

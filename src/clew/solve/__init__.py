@@ -5,6 +5,7 @@ from clew.solve.gauge import Part
 from clew.solve.loop import Progress
 from clew.solve.optimize import compile_graph, optimize
 from clew.solve.problem import Problem
+from clew.solve.recounted import recounted
 from clew.solve.solution import Solution
 from clew.solve.status import Status
 
@@ -18,4 +19,5 @@ __all__ = [
     "aligned_covariances",
     "compile_graph",
     "optimize",
+    "recounted",
 ]

@@ -3,7 +3,7 @@
 from clew.slam.landmarks.estimate import LandmarkMap, RobotEstimate, map_landmarks
 from clew.slam.landmarks.features import FeatureMap, map_features
 from clew.slam.landmarks.mapper import AssociationConfig, LandmarkMapper
-from clew.slam.landmarks.model import Calibration, SensorModel, SightingNoise
+from clew.slam.landmarks.model import Calibration, MarkNoise, Marks, SensorModel, SightingNoise
 from clew.slam.landmarks.track import KEYS_A_ROBOT
 
 __all__ = [
@@ -13,6 +13,8 @@ __all__ = [
     "FeatureMap",
     "LandmarkMap",
     "LandmarkMapper",
+    "MarkNoise",
+    "Marks",
     "RobotEstimate",
     "SensorModel",
     "SightingNoise",

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,14 +13,12 @@ from clew.evaluate import align
 from clew.geometry import SE2, Point2, se2, so2
 from clew.graph import FactorGraph
 from clew.io import SightingLog
-from clew.linalg import FactorStatus
-from clew.slam.landmarks.graph import build_graph
-from clew.slam.landmarks.model import SCALE_UNCERTAINTY, SensorModel
-from clew.slam.landmarks.noise import reestimate
+from clew.slam.landmarks.model import SCALE_UNCERTAINTY, Marks, SensorModel
 from clew.slam.landmarks.plain import plain_graph
+from clew.slam.landmarks.settle import Settled, settle
 from clew.slam.landmarks.start import dead_reckoning, first_map, read_solution
 from clew.slam.landmarks.track import RobotTrack, make_tracks
-from clew.solve import Solution, optimize
+from clew.solve import Solution
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
@@ -31,7 +29,6 @@ Progress = Callable[[str, int, int], None]
 _ROUNDS = 15
 _ROUNDS_BEFORE = 6  # for each robot by itself, where all are solved as one after that
 _ROUNDS_TOGETHER = 10  # from there on
-_SETTLED = 0.02  # change of the noise parameters that is not worth another round, as a share
 _FEWEST_COMMON = 3  # landmarks that tell how two robots' maps lie to each other
 
 
@@ -69,10 +66,12 @@ class LandmarkMap:
         position: ``(L, 2)`` metres.
         covariance: ``(L, 2, 2)`` of the positions.
         sightings: ``(L,)`` how often each was seen.
+        marks: how much their marks differ.
         graph: the calibrated measurements as factors that every file format and every other part of clew knows, at
             the solution: relative poses, and points in the frame of the robot. Pose keys are
             ``robot * KEYS_A_ROBOT + i``.
-        solution: of the graph that has the calibrations as variables.
+        solution: of the graph that has the calibrations as variables; with the covariances that sightings leave whose
+            errors follow Student's t distribution, see `clew.slam.landmarks.student`.
         tracks: the logs on their keyframes.
     """
 
@@ -81,6 +80,7 @@ class LandmarkMap:
     position: Array
     covariance: Array
     sightings: Indices
+    marks: Marks
     graph: FactorGraph
     solution: Solution
     tracks: tuple[RobotTrack, ...]
@@ -113,22 +113,23 @@ def map_landmarks(logs: Sequence[SightingLog], *, progress: Progress | None = No
     ]
     most = len(logs) * rounds
     alone = [
-        _settle(*first, rounds, _counter(progress, "calibrating", number * rounds, most))
+        settle(*first, rounds, _counter(progress, "calibrating", number * rounds, most))
         for number, first in enumerate(firsts)
     ]
     _counter(progress, "calibrating", 0, most)(most)
     if len(logs) == 1:
-        return _result(*alone[0])
-    models = [models[0] for _, models, _ in alone]
-    shifts, landmarks = _join([read_solution(solution, own[0])[1] for own, _, solution in alone], tracks)
-    poses = []
-    for (own, _, solution), shift, track in zip(alone, shifts, tracks, strict=True):
-        mapped = se2.compose(shift, read_solution(solution, own[0])[0])
-        poses.append(_at_times(own[0], mapped, track))
+        return _result(alone[0])
+    models = [one.models[0] for one in alone]
+    maps = [read_solution(one.solution, one.tracks[0]) for one in alone]
+    shifts, landmarks = _join([points for _, points, _ in maps], tracks)
+    poses = [
+        _at_times(one.tracks[0], se2.compose(shift, its_poses), track)
+        for one, (its_poses, _, _), shift, track in zip(alone, maps, shifts, tracks, strict=True)
+    ]
     joining = _counter(progress, "joining", 0, _ROUNDS_TOGETHER)
-    together = _settle(tracks, models, poses, landmarks, _ROUNDS_TOGETHER, joining)
+    together = settle(tracks, models, poses, landmarks, _ROUNDS_TOGETHER, joining)
     joining(_ROUNDS_TOGETHER)
-    return _result(*together)
+    return _result(together)
 
 
 def _counter(progress: Progress | None, stage: str, before: int, most: int) -> Callable[[int], None]:
@@ -145,35 +146,6 @@ def _first(
     tracks = make_tracks([log])
     poses, landmarks, model = first_map(tracks[0], progress)
     return tracks, [model], [poses], landmarks
-
-
-def _settle(
-    tracks: tuple[RobotTrack, ...], models: list[SensorModel], poses: list[Array], landmarks: dict[int, Array],
-    rounds: int, progress: Callable[[int], None],
-) -> tuple[tuple[RobotTrack, ...], list[SensorModel], Solution]:
-    """Solve and re-estimate the noise in turn, until it stays."""
-    for done, last in enumerate((*[False] * (rounds - 1), True)):
-        progress(done)
-        graph, factors = build_graph(tracks, models, poses, landmarks)
-        solution = optimize(graph, init="file", max_iterations=40, cost_tolerance=1e-7 if last else 1e-5)
-        if solution.posterior.factor.status is not FactorStatus.OK:
-            names = " and ".join(f"robot {track.log.robot}" for track in tracks)
-            raise InputError(
-                f"{tracks[0].log.path}: what {names} saw does not fit the odometry well enough for a map; look whether "
-                "times are of one clock, ranges in metres, bearings and turn rates in radians"
-            )
-        landmarks, poses, found = {}, [], []
-        for track, model in zip(tracks, models, strict=True):
-            its_poses, its_landmarks, calibration = read_solution(solution, track)
-            poses.append(its_poses)
-            landmarks.update(its_landmarks)
-            found.append(replace(model, calibration=calibration))
-        updated = [reestimate(solution, *each) for each in zip(factors, found, strict=True)]
-        change = max(model.change(new) for model, new in zip(models, updated, strict=True))
-        if last or change < _SETTLED:
-            break
-        models = updated
-    return tracks, found, solution
 
 
 def _join(
@@ -206,9 +178,8 @@ def _at_times(known: RobotTrack, poses: Array, track: RobotTrack) -> Array:
     return se2.compose(poses[left], se2.exp(np.clip(share, 0.0, 1.0)[:, None] * step[left]))
 
 
-def _result(
-    tracks: tuple[RobotTrack, ...], models: Sequence[SensorModel], solution: Solution
-) -> LandmarkMap:
+def _result(settled: Settled) -> LandmarkMap:
+    tracks, models, solution = settled.tracks, settled.models, settled.solution
     rows = {int(key): row for row, key in enumerate(solution.keys(SE2))}
     poses = solution.values(SE2).array
     # A wrong scale of the ranges scales everything about the pose that is held, which is the origin or nearly so.
@@ -234,5 +205,5 @@ def _result(
     covariances += SCALE_UNCERTAINTY**2 * arms[:, :, None] * arms[:, None, :]
     return LandmarkMap(
         tuple(robots), identity, points, covariances,
-        sightings, plain_graph(tracks, models, solution), solution, tracks,
+        sightings, settled.marks, plain_graph(tracks, models, solution, settled.factors), solution, tracks,
     )  # fmt: skip

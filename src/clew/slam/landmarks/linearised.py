@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,7 +37,6 @@ class Linearised:
             self.values.append(solution.posterior.values[table][rows])
             self._columns.append(problem.columns[table][rows].astype(np.int64))
         self.error, self.jacobians = factor.linearise(*self.values)
-        self._known: dict[tuple[int, int], Array] = {}
 
     @property
     def squares(self) -> Array:
@@ -69,11 +69,7 @@ class Linearised:
         of_part = np.swapaxes(part @ self._block(moved, given), 1, 2)
         known = whole @ self._block(everything, given) @ np.linalg.solve(self._block(given, given), of_part)
         spread = whole @ self._block(everything, moved) @ np.swapaxes(part, 1, 2) - known
-        weight = self.factor.information
-        if self.factor.kernel is not None:
-            cost = np.einsum("ni,nij,nj->n", self.error, weight, self.error)
-            weight = weight * self.factor.kernel.weight(cost)[:, None, None]
-        shares: Array = np.einsum("nij,nji->ni", weight, spread)
+        shares: Array = np.einsum("nij,nji->ni", self.factor.information, spread)
         return shares
 
     def _block(self, rows: Sequence[int], columns: Sequence[int]) -> Array:
@@ -85,15 +81,25 @@ class Linearised:
     def _pair(self, i: int, j: int) -> Array:
         if j > i:
             return np.swapaxes(self._pair(j, i), 1, 2)
-        if (i, j) not in self._known:
-            first, second = self._columns[i], self._columns[j]
-            free = np.flatnonzero((first >= 0) & (second >= 0))
+        return self._pairs[i, j]
+
+    @cached_property
+    def _pairs(self) -> dict[tuple[int, int], Array]:
+        """Covariances ``(M, p, q)`` of the variables at two positions, all in one pass through the engine's inverse."""
+        count = len(self._columns)
+        places = [(i, j) for i in range(count) for j in range(i + 1)]
+        free = {(i, j): np.flatnonzero((self._columns[i] >= 0) & (self._columns[j] >= 0)) for i, j in places}
+        wanted = np.concatenate([
+            np.stack([self._columns[i][rows], self._columns[j][rows]], axis=1) for (i, j), rows in free.items()
+        ])  # fmt: skip
+        flat, start, out = self._cholesky.marginal_blocks(wanted), 0, {}
+        for (i, j), rows in free.items():
             dims = self.factor.kinds[i].dim, self.factor.kinds[j].dim
-            out = np.zeros((len(first), *dims))
-            pairs = np.stack([first[free], second[free]], axis=1)
-            out[free] = self._cholesky.marginal_blocks(pairs).reshape(len(free), *dims)
-            self._known[i, j] = out
-        return self._known[i, j]
+            end = start + len(rows) * dims[0] * dims[1]
+            block = np.zeros((len(self._columns[i]), *dims))
+            block[rows] = flat[start:end].reshape(len(rows), *dims)
+            out[i, j], start = block, end
+        return out
 
 
 def expected_squares(solution: Solution, factor: Factor) -> tuple[Array, Array]:

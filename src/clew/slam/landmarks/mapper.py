@@ -29,6 +29,7 @@ from clew.slam.landmarks.review import (
     join_singles,
     points_of,
 )
+from clew.slam.landmarks.split import two_in_one
 from clew.solve import Solution, optimize
 
 Array = NDArray[np.float64]
@@ -208,6 +209,7 @@ class LandmarkMapper:
                     break
             solution = self._optimize()
         if final:
+            solution = self._split(solution)
             self._rename(join_singles(solution, self._seen))
             landmark = self._seen.landmark
             landmark[np.isin(landmark, never_there(solution, self._seen))] = -1
@@ -215,6 +217,20 @@ class LandmarkMapper:
             solution = self._optimize(final)
         self._restart(solution)
         return solution
+
+    def _split(self, solution: Solution) -> Solution:
+        """Give sightings a landmark of their own that are clearly of another one than they were taken for."""
+        assert self._factors is not None
+        sightings = self._factors[1]
+        found = two_in_one(solution, sightings) if len(sightings.keys) else []
+        used = np.flatnonzero(self._seen.landmark >= 0)
+        for rows in found:
+            key = self._new_key()
+            _LOG.info("landmark %d: %d of its sightings are of another one", sightings.keys[rows[0], 1], len(rows))
+            pose = solution.value(int(sightings.keys[rows[0], 0])).array
+            self.graph.add_point(se2.act(pose, sightings.measurement[rows[0]]), key=key)
+            self._seen.landmark[used[rows]] = key
+        return self._optimize() if found else solution
 
     def _optimize(self, final: bool = False) -> Solution:
         self._write_factors()

@@ -72,19 +72,60 @@ class SightingNoise:
     """Errors of sightings: each one's own, which follow Student's t distribution, and those of a view.
 
     What disturbs a sighting disturbs the next ones of the same thing likewise, as long as it is seen from much the same
-    place; so each view has a bias of its own.
+    place; so each view has a bias of its own. A camera that reads a range from how large something appears has errors
+    that grow with its square; `growth` says how soon, if at all, and is found from the data like all others.
 
     Attributes:
-        range: scale of the errors of ranges, metres.
+        range: scale of the errors of ranges, metres; of those near by.
         bearing: scale of the errors of bearings, radians.
         range_bias: standard deviation, over views, of what is common to the ranges of a view, metres.
         bearing_bias: the same for bearings, radians.
+        growth: errors and biases of ranges are larger at a range r by ``sqrt(1 + (growth r^2)^2)``, 1/metre^2.
     """
 
     range: float = 0.2
     bearing: float = 0.03
     range_bias: float = 0.02
     bearing_bias: float = 0.005
+    growth: float = 0.02
+
+    def larger(self, distance: Array) -> Array:
+        """By what the errors of ranges are larger at some distance, ``(...)``."""
+        grown: Array = np.hypot(1.0, self.growth * distance**2)
+        return grown
+
+
+@dataclass(frozen=True)
+class MarkNoise:
+    """How much marks differ from each other, to whoever sees them and however often: errors that no mean takes out.
+
+    Attributes:
+        share: deviation of the share by which a mark looks too far: printed too small, or on a crooked pole.
+        turn: deviation of what is added to all bearings of a mark, radians.
+    """
+
+    share: float = 0.003
+    turn: float = 0.002
+
+    def change(self, other: MarkNoise) -> float:
+        """Largest change of a parameter from this model to another, as a share."""
+        return _change([(getattr(self, f.name), getattr(other, f.name)) for f in fields(self)])
+
+
+@dataclass(frozen=True)
+class Marks:
+    """How much the marks of landmarks differ, and those that robots carry.
+
+    Attributes:
+        landmarks, robots: see `MarkNoise`.
+    """
+
+    landmarks: MarkNoise = MarkNoise()
+    robots: MarkNoise = field(default_factory=MarkNoise)
+
+    def change(self, other: Marks) -> float:
+        """Largest change of a parameter of the landmarks' from these to others, as a share."""
+        return self.landmarks.change(other.landmarks)
 
 
 @dataclass(frozen=True)
@@ -131,4 +172,8 @@ class SensorModel:
             for mine, its in ((self.motion, other.motion), (self.drift, other.drift), (self.landmarks, other.landmarks))
             for f in fields(mine)
         ]
-        return max(float(abs(b - a) / max(a, b, _NEGLIGIBLE)) for a, b in pairs)
+        return _change(pairs)
+
+
+def _change(pairs: list[tuple[float, float]]) -> float:
+    return max(float(abs(b - a) / max(a, b, _NEGLIGIBLE)) for a, b in pairs)

@@ -8,17 +8,20 @@ what the variance leaves of the degrees of freedom (Förstner 1979), has the sam
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import fields, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import minimize_scalar
 
 from clew.graph import Factor
 from clew.motion import VelocityNoise
 from clew.slam.landmarks.graph import RobotFactors
 from clew.slam.landmarks.linearised import Linearised
-from clew.slam.landmarks.model import ScaleDrift, SensorModel, SightingNoise
+from clew.slam.landmarks.model import MarkNoise, Marks, ScaleDrift, SensorModel, SightingNoise
 from clew.slam.landmarks.pull import pull_of_motion, pull_of_sightings
+from clew.slam.landmarks.student import mean_over_open
 from clew.slam.landmarks.track import TAIL
 from clew.solve import Solution
 
@@ -27,6 +30,8 @@ Array = NDArray[np.float64]
 _LARGEST_CHANGE = 2.0  # of a deviation in one step
 _CAUTION = 5.0  # degrees of freedom that say in each step that nothing changes; little redundancy tells little
 _LEAST_REDUNDANCY, _LEAST_SIGHTING_REDUNDANCY = 1e-3, 0.2  # shares
+_FEWEST_MARKS = 3
+_MOST_GROWTH = 3.0  # times the errors of near ranges, at the median of ranges
 _LEAST_MOTION, _LEAST_RANGE, _LEAST_BEARING, _LEAST_DEVIATION = 1e-5, 1e-4, 1e-5, 1e-4
 
 
@@ -56,27 +61,82 @@ def reestimate(solution: Solution, factors: RobotFactors, model: SensorModel) ->
             noise.append(old)
             continue
         ranges, bearings = (Linearised(solution, factor) for factor in pair)
-        distance, angle = _scale(ranges, old.range), _scale(bearings, old.bearing)
         bias = _deviations(solution, biases, (old.range_bias, old.bearing_bias))
-        noise.append(SightingNoise(max(distance, _LEAST_RANGE), max(angle, _LEAST_BEARING), *bias))
-        drawn += pull_of_sightings(ranges, bearings)
+        distance, growth = _range_noise(ranges, old)
+        noise.append(SightingNoise(distance, _scale(bearings, old.bearing), *bias, growth))
+        drawn += pull_of_sightings(ranges, bearings, factors.shares if pair is factors.sightings else 0.0)
     return replace(model, motion=VelocityNoise(**deviations), drift=ScaleDrift(speed, turn), landmarks=noise[0],
                    robots=noise[1], pull=drawn)  # fmt: skip
+
+
+def reestimate_marks(solution: Solution, apart: Sequence[Factor], marks: Marks) -> Marks:
+    """How much marks differ, from what the solution has set them apart by."""
+    pairs = zip(apart, (marks.landmarks, marks.robots), strict=True)
+    return Marks(*(_differing(solution, prior, old) for prior, old in pairs))
+
+
+def _differing(solution: Solution, prior: Factor, old: MarkNoise) -> MarkNoise:
+    """Deviations of marks about their mean, which nothing tells from the size of the map and the camera's mounting."""
+    count = len(prior)
+    if count < _FEWEST_MARKS:
+        return old
+    values = Linearised(solution, prior).values[0]
+    joint = solution.joint_covariance(prior.keys[:, 0]).reshape(count, 2, count, 2)
+    variance = np.einsum("ikik->k", joint) - np.einsum("ikjk->k", joint) / count
+    before = np.array([old.share, old.turn])
+    square = np.sum(np.square(values - values.mean(axis=0)), axis=0) / before**2
+    redundancy = np.maximum(count - 1.0 - variance / before**2, 0.0)
+    share, turn = (before * np.sqrt((square + _CAUTION) / (redundancy + _CAUTION))).tolist()
+    return MarkNoise(max(share, _LEAST_DEVIATION), max(turn, _LEAST_DEVIATION))
 
 
 def _deviations(solution: Solution, factor: Factor, old: tuple[float, float]) -> tuple[float, float]:
     """Standard deviations of points about zero, whose prior is the factor."""
     at = Linearised(solution, factor)
-    square, variance = np.einsum("nii->i", at.squares), np.einsum("nii->i", at.covariance())
-    redundancy = np.maximum(len(at.error) - variance / np.square(old), 0.0)
-    ratio = np.sqrt((square / np.square(old) + _CAUTION) / (redundancy + _CAUTION))
+    weight = np.einsum("nii->ni", factor.information)
+    square = np.sum(weight * np.square(at.error), axis=0)
+    redundancy = np.maximum(len(at.error) - np.sum(weight * np.einsum("nii->ni", at.covariance()), axis=0), 0.0)
+    ratio = np.sqrt((square + _CAUTION) / (redundancy + _CAUTION))
     first, second = (old * ratio).tolist()
     return max(first, _LEAST_DEVIATION), max(second, _LEAST_DEVIATION)
 
 
-def _scale(at: Linearised, scale: float) -> float:
-    """Scale of Student's t distribution (Liu and Rubin 1995, "ML estimation of the t distribution using EM")."""
-    square = at.squares[:, 0, 0]
-    weight = (TAIL + 1.0) / (TAIL + square / scale**2)
-    redundancy = 1.0 - np.mean(weight * at.covariance()[:, 0, 0]) / scale**2
-    return float(np.sqrt(np.mean(weight * square) / max(redundancy, _LEAST_SIGHTING_REDUNDANCY)))
+def _range_noise(at: Linearised, old: SightingNoise) -> tuple[float, float]:
+    """Scale of the errors of near ranges, and their growth: the likeliest, searched for over the growth."""
+    distance = at.factor.measurement[:, 0]
+    scale = old.range * old.larger(distance)
+    square, redundancy = _weighed_squares(at, scale)
+    square = square * scale**2
+
+    def scale_at(larger: Array) -> float:
+        return float(np.sqrt(np.mean(square / larger**2) / np.mean(redundancy)))
+
+    def cost(growth: float) -> float:
+        larger = replace(old, growth=growth).larger(distance)
+        logarithm = np.log(scale_at(larger) * larger)
+        return float(np.sum(2.0 * redundancy * logarithm))
+
+    most = _MOST_GROWTH / float(np.median(distance)) ** 2
+    growth = float(minimize_scalar(cost, bounds=(0.0, most), method="bounded", options={"xatol": 1e-3 * most}).x)
+    return max(scale_at(replace(old, growth=growth).larger(distance)), _LEAST_RANGE), growth
+
+
+def _scale(at: Linearised, old: float) -> float:
+    """Scale of the errors of bearings."""
+    square, redundancy = _weighed_squares(at, np.full(len(at.error), old))
+    return max(old * float(np.sqrt(np.mean(square) / np.mean(redundancy))), _LEAST_BEARING)
+
+
+def _weighed_squares(at: Linearised, scale: Array) -> tuple[Array, Array]:
+    """Squares ``(M,)`` of sightings over their scales, and their redundancies: equal in the mean at the right scale.
+
+    The scale of Student's t distribution (Liu and Rubin 1995, "ML estimation of the t distribution using EM") is that
+    over which squares, weighed, are 1 in the mean over the errors and what is left open of each.
+    """
+
+    def weighed(error: Array) -> Array:
+        square: Array = np.square(error / scale[:, None])
+        return square * (TAIL + 1.0) / (TAIL + square)
+
+    square = weighed(at.error)[:, 0]
+    return square, np.maximum(1.0 - (mean_over_open(at, weighed) - square), _LEAST_SIGHTING_REDUNDANCY)

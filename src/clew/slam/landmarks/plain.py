@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from clew.factors import Between, CalibratedBearing, CalibratedRange, PointObservation
 from clew.geometry import SE2, Point2, se2
 from clew.graph import FactorGraph
+from clew.slam.landmarks.graph import RobotFactors
 from clew.slam.landmarks.model import SensorModel
 from clew.slam.landmarks.track import RobotTrack, keys_of
 from clew.solve import Solution
@@ -17,19 +18,21 @@ from clew.solve import Solution
 Array = NDArray[np.float64]
 
 
-def plain_graph(tracks: Sequence[RobotTrack], models: Sequence[SensorModel], solution: Solution) -> FactorGraph:
+def plain_graph(
+    tracks: Sequence[RobotTrack], models: Sequence[SensorModel], solution: Solution, factors: Sequence[RobotFactors]
+) -> FactorGraph:
     """Odometry as `Between`, sightings as `PointObservation`, at the values of the solution.
 
-    Sightings of robots are relative poses without any information about the heading. Robust weights are in the
-    covariances, for files have no kernels: outliers at the solution have little weight. The graph has its minimum
-    where the solution is: see `_points`.
+    Sightings of robots are relative poses without any information about the heading. Sightings have the information
+    that they are told to have by `factors`, for files have no kernels: outliers at the solution have little. The
+    graph has its minimum where the solution is: see `_points`.
     """
     graph = FactorGraph()
     identities = np.unique(np.concatenate([track.log.landmarks.identity for track in tracks]))
     for track in tracks:
         graph.add_pose(SE2.from_array(_values(solution, SE2, track.keys)), key=track.keys)
     graph.add_point(_values(solution, Point2, identities), key=identities)
-    for track, model in zip(tracks, models, strict=True):
+    for track, model, told in zip(tracks, models, factors, strict=True):
         motion, _ = track.motion_factor(model)
         drift = _values(solution, Point2, track.drift_keys)
         parameters = [*np.broadcast_to(model.calibration.points[:2, None], (2, len(drift), 2)), drift]
@@ -37,12 +40,15 @@ def plain_graph(tracks: Sequence[RobotTrack], models: Sequence[SensorModel], sol
             Between(track.keys[:-1], track.keys[1:], motion.motion_at(*parameters), information=motion.information)
         )
         seen, mates = track.log.landmarks, track.log.robots
-        points, information = _points(solution, track.sighting_factors(seen, seen.identity, model.landmarks))
+        pair = track.sighting_factors(seen, seen.identity, model.landmarks)
+        points, information = _points(solution, pair, told.sightings)
         keys = track.keys[track.rows(seen)]
         graph.add(PointObservation(keys, seen.identity, points, information=information))
         if len(mates):
             target = keys_of(tracks, mates.identity, mates.timestamp)
-            points, information = _points(solution, track.sighting_factors(mates, target, model.robots, SE2))
+            assert told.mates is not None
+            pair = track.sighting_factors(mates, target, model.robots, SE2)
+            points, information = _points(solution, pair, told.mates)
             padded = np.zeros((len(mates), 3, 3))
             padded[:, :2, :2] = information
             flat = np.column_stack([points, np.zeros(len(points))])
@@ -59,11 +65,14 @@ def _values(solution: Solution, kind: type, keys: NDArray[np.int64]) -> Array:
     return values
 
 
-def _points(solution: Solution, pair: tuple[CalibratedRange, CalibratedBearing]) -> tuple[Array, Array]:
+_Pair = tuple[CalibratedRange, CalibratedBearing]
+
+
+def _points(solution: Solution, pair: _Pair, told: _Pair) -> tuple[Array, Array]:
     """Positions ``(K, 2)`` in the robot's frame, and their information.
 
     The errors of range and bearing are laid off along and across the ray on which the solution has what was seen: so
-    each costs what it costs in the solution, and draws as it does there. On the measured ray a bearing that is far off
+    each draws as it does in the solution. On the measured ray a bearing that is far off
     would turn into an error of the range, which no weight has reckoned with.
     """
     ranges, bearings = pair
@@ -73,13 +82,14 @@ def _points(solution: Solution, pair: tuple[CalibratedRange, CalibratedBearing])
     ray = view / np.hypot(*view.T)[:, None]
     across = np.stack([-ray[:, 1], ray[:, 0]], axis=1)
     information = np.zeros((len(local), 2, 2))
-    for factor, direction in ((ranges, ray), (bearings, across)):
+    for factor, counted, direction in ((ranges, told[0], ray), (bearings, told[1], across)):
         values = [_values(solution, kind, factor.keys[:, k]) for k, kind in enumerate(factor.kinds)]
         error, jacobians = factor.linearise(*values)
         rate = np.linalg.norm(jacobians[1][:, 0, :2], axis=1)  # of the measured number by metres
         weight = factor.information[:, 0, 0]
         assert factor.kernel is not None
         weight = weight * factor.kernel.weight(error[:, 0] ** 2 * weight)
-        local = local - (error[:, 0] / rate)[:, None] * direction
-        information += (weight * rate**2)[:, None, None] * direction[:, :, None] * direction[:, None, :]
+        share = counted.information[:, 0, 0]
+        local = local - (weight / share * error[:, 0] / rate)[:, None] * direction
+        information += (share * rate**2)[:, None, None] * direction[:, :, None] * direction[:, None, :]
     return local, information

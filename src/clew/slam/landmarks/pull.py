@@ -7,8 +7,9 @@ says; so the derivative of the difference is its leverage times that of the loga
 as many places as moments, this is no small matter: without it pictures come out compressed and maps small.
 
 In a larger map ranges, steps of the odometry and bearings all say less about places in proportion; so the size of the
-map draws at nothing but what has no prior of its own, the landmarks. Ranges stand for the bearings in this: the nearer
-something is, the more its bearing says.
+map draws at nothing but what has no prior of its own, the landmarks. That, too, is taken out: a prior that is flat in
+metres would be one for large maps, the more landmarks the more; it is flat in units of the map's size. Ranges stand for
+the bearings in this: the nearer something is, the more its bearing says.
 
 The results are derivatives ``(7, 2)`` of half the cost by the points of `Calibration`.
 """
@@ -24,17 +25,21 @@ from clew.slam.landmarks.linearised import Linearised
 Array = NDArray[np.float64]
 
 #: Positions in the factors: of places, which measurements see stretched, and of the calibration.
-_PLACES, _OF_SIGHTINGS, _OF_MOTION = (0, 1), (2, 3, 5), (2, 3)
+_PLACES, _OF_SIGHTINGS, _OF_MOTION = (0, 1), (2, 3, 6), (2, 3)
 
 
-def pull_of_sightings(at_ranges: Linearised, at_bearings: Linearised) -> Array:
-    """By sightings, whose ranges and bearings the calibration stretches."""
+def pull_of_sightings(at_ranges: Linearised, at_bearings: Linearised, shares: Array | float = 0.0) -> Array:
+    """By sightings, whose ranges and bearings the calibration stretches.
+
+    `shares` ``(K,)`` are the parts of sightings in all those of their landmark, by which its own pull is shared out.
+    """
     ranges, bearings = at_ranges.factor, at_bearings.factor
     assert isinstance(ranges, CalibratedRange)
     assert isinstance(bearings, CalibratedBearing)
     out, measured = np.zeros((7, 2)), ranges.measurement
     share = sum(at.leverages(_PLACES, _OF_SIGHTINGS, lengths=True)[:, 0] for at in (at_ranges, at_bearings))
-    share = share / ranges.stretch(*at_ranges.values[2:4], measurement=measured)[:, 0]
+    first, second, _, mark = at_ranges.values[2:6]
+    share = (share - 2.0 * shares) / ranges.stretch(first, second, mark, measurement=measured)[:, 0]
     out[2] = share.sum(), -share @ measured[:, 3]
     out[3] = share @ measured[:, 1:3]
     b = bearings.direction(*at_bearings.values, measurement=bearings.measurement)

@@ -39,7 +39,7 @@ def first_map(
         poses = _set_onto(part, _attached(part, model, poses), len(poses), model, landmarks)
         for identity, point in _first_seen(part, poses, model).items():
             landmarks.setdefault(identity, point)
-        graph, _ = build_graph([part], [model], [poses], landmarks)
+        graph, *_ = build_graph([part], [model], [poses], landmarks)
         solution = optimize(graph, init="file", max_iterations=15, cost_tolerance=1e-4)
         poses, landmarks, calibration = read_solution(solution, part)
         if len(poses) > _FEWEST:

@@ -22,6 +22,8 @@ Indices = NDArray[np.int64]
 
 #: Robot ``n`` has the pose keys ``n * KEYS_A_ROBOT + i``; landmarks have their identity as key.
 KEYS_A_ROBOT = 1_000_000
+#: Keys of what sets marks apart: of landmarks by their identity, of robots, which have marks too, after all of those.
+_MARK_KEYS = KEYS_A_ROBOT**2
 _CALIBRATION_KEYS, _DRIFT_KEYS, _VIEW_KEYS, _MATE_VIEW_KEYS = 900_000, 910_000, 920_000, 960_000
 _LONGEST_VIEW, _LONGEST_PAUSE = 10.0, 2.0  # seconds of a view, and between its sightings
 _WHILE = 10.0  # seconds that the scales of the odometry stay as they are
@@ -66,6 +68,19 @@ class RobotTrack:
         """``(K,)`` keys of the biases of the views that sightings belong to; sightings of landmarks or of robots."""
         first = _MATE_VIEW_KEYS if seen is self.log.robots else _VIEW_KEYS
         return self.log.robot * KEYS_A_ROBOT + first + _views(seen)
+
+    def mark_keys(self, seen: Sightings) -> Indices:
+        """``(K,)`` keys of what sets the marks apart that sightings are of; landmarks' or robots'."""
+        first = _MARK_KEYS + KEYS_A_ROBOT if seen is self.log.robots else _MARK_KEYS
+        keys: Indices = first + seen.identity
+        return keys
+
+    def view_deviations(self, seen: Sightings, noise: SightingNoise) -> tuple[Indices, Array]:
+        """Keys ``(V,)`` of the biases of all views, and their deviations ``(V, 2)``: of ranges and of bearings."""
+        keys, view = np.unique(self.view_keys(seen), return_inverse=True)
+        distance = np.bincount(view, seen.range) / np.bincount(view)
+        ranges = noise.range_bias * noise.larger(distance)
+        return keys, np.stack([ranges, np.full(len(keys), noise.bearing_bias)], axis=1)
 
     def until(self, timestamp: float) -> RobotTrack:
         """The part up to a time."""
@@ -162,18 +177,20 @@ class RobotTrack:
         Student's t distribution is a robust kernel: ``-2 log p = c^2 log(1 + e^2 / (n sigma^2))`` up to a constant,
         with ``c^2 = n + 1``.
         """
-        keys, bias, parameters = self.keys[self.rows(seen)], self.view_keys(seen), self.calibration_keys
+        keys, parameters = self.keys[self.rows(seen)], self.calibration_keys
+        own = (self.view_keys(seen), self.mark_keys(seen), parameters[6])
 
-        def likelihood(scale: float) -> dict[str, Any]:
-            return {"sigmas": scale * np.sqrt(TAIL / (TAIL + 1.0)), "kernel": Cauchy(np.sqrt(TAIL + 1.0)), "sees": sees}
+        def likelihood(scale: Array) -> dict[str, Any]:
+            sigmas = (scale * np.sqrt(TAIL / (TAIL + 1.0)))[:, None]
+            return {"sigmas": sigmas, "kernel": Cauchy(np.sqrt(TAIL + 1.0)), "sees": sees}
 
         ranges = CalibratedRange(
-            keys, target, (parameters[2], parameters[3], bias, parameters[6]), seen.range, self.range_basis(seen),
-            **likelihood(noise.range),
+            keys, target, (parameters[2], parameters[3], *own), seen.range, self.range_basis(seen),
+            **likelihood(noise.range * noise.larger(seen.range)),
         )  # fmt: skip
         bearings = CalibratedBearing(
-            keys, target, (parameters[4], parameters[5], bias, parameters[6]), seen.bearing, self.means[:3],
-            **likelihood(noise.bearing),
+            keys, target, (parameters[4], parameters[5], *own), seen.bearing, self.means[:3],
+            **likelihood(np.full(len(seen), noise.bearing)),
         )  # fmt: skip
         return ranges, bearings
 
