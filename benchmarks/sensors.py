@@ -4,6 +4,7 @@
     python benchmarks/sensors.py --worlds hall --seeds 1 2 3
     python benchmarks/sensors.py --sweep              # a slow spinning laser, with and without its sweep time told
     python benchmarks/sensors.py --odometry           # as it comes, five times as bad, frozen, noise, none
+    python benchmarks/sensors.py --imu                # odometry of several kinds, with and without gyros of several
 
 Everything runs in this process, refinement included where an ATE is given. Normalised errors are those of the steps
 between keyframes that the front end hands to the graph: the squared Mahalanobis distance to the truth over its three
@@ -23,10 +24,11 @@ from numpy.typing import NDArray
 
 from clew.evaluate import absolute_trajectory_error
 from clew.geometry import se2
-from clew.motion import Odometry
+from clew.motion import Odometry, TurnRates
 from clew.scan import LaserScan
 from clew.sim import (
     Drive,
+    GyroModel,
     LaserModel,
     OdometryModel,
     SimulatedLog,
@@ -44,7 +46,7 @@ from clew.slam import Slam
 from lidar import print_table
 
 Array = NDArray[np.float64]
-Stream = Iterable[LaserScan | Odometry]
+Stream = Iterable[LaserScan | Odometry | TurnRates]
 
 INSIDE = 7.815  # 95 % of chi-squared with three degrees of freedom
 WORLDS: dict[str, Callable[[int], World]] = {
@@ -97,7 +99,7 @@ def estimate(log: SimulatedLog, stream: Stream, odometry: bool = True) -> Outcom
     slam = Slam(use_odometry=odometry)
     began = time.process_time()
     for measurement in stream:
-        if odometry or isinstance(measurement, LaserScan):
+        if odometry or not isinstance(measurement, Odometry):
             slam.add(measurement)
     slam.refine()
     seconds = time.process_time() - began
@@ -120,10 +122,11 @@ def normalised_errors(log: SimulatedLog, slam: Slam) -> tuple[float, float, floa
     return float(squared.mean() / 3), float(np.mean(squared <= INSIDE)), float(weak.mean())
 
 
-def record(world: World, sensor: Sensor, odometry: OdometryModel, seed: int, duration: float) -> SimulatedLog:
+def record(world: World, sensor: Sensor, odometry: OdometryModel, seed: int, duration: float,
+           gyro: GyroModel | None = None) -> SimulatedLog:
     """A drive through a world."""
     driven: Drive = drive(tour(world, seed, 1.2 * duration), rate=sensor.rate, duration=duration)
-    return simulate(world, driven, sensor.laser, odometry, seed)
+    return simulate(world, driven, sensor.laser, odometry, seed, gyro=gyro)
 
 
 def sensors(worlds: list[str], seeds: list[int], duration: float) -> None:
@@ -159,19 +162,19 @@ def sweeps(worlds: list[str], seeds: list[int], duration: float) -> None:
     print_table(["world", "odometry", "sweep of 0.1 s", "ATE m", "max m", "deg"], rows)
 
 
-def untold(stream: Stream) -> Iterator[LaserScan | Odometry]:
+def untold(stream: Stream) -> Iterator[LaserScan | Odometry | TurnRates]:
     """Scans without the time between their beams."""
     for m in stream:
-        yield replace(m, time_increment=0.0) if isinstance(m, LaserScan) else m
+        yield replace(m, time_increment=0.0, moments=None) if isinstance(m, LaserScan) else m
 
 
-def frozen(stream: Stream) -> Iterator[LaserScan | Odometry]:
+def frozen(stream: Stream) -> Iterator[LaserScan | Odometry | TurnRates]:
     """Odometry that stands still."""
     for m in stream:
         yield Odometry(m.timestamp, np.zeros(3)) if isinstance(m, Odometry) else m
 
 
-def noise(stream: Stream) -> Iterator[LaserScan | Odometry]:
+def noise(stream: Stream) -> Iterator[LaserScan | Odometry | TurnRates]:
     """Odometry that is noise of a metre and a radian."""
     rng = np.random.default_rng(1)
     for m in stream:
@@ -208,6 +211,58 @@ def odometries(worlds: list[str], seeds: list[int], duration: float) -> None:
                  "scans"], rows)
 
 
+def with_rates(
+    stream: Stream, change: Callable[[Array, Array], Array] | None
+) -> Iterator[LaserScan | Odometry | TurnRates]:
+    """The turn rates changed, given their times; or none at all."""
+    for m in stream:
+        if not isinstance(m, TurnRates):
+            yield m
+        elif change is not None:
+            yield TurnRates(m.timestamps, change(m.timestamps, m.rates))
+
+
+GYROS: dict[str, tuple[GyroModel, Callable[[Array, Array], Array] | None]] = {
+    "none": (GyroModel(), None),
+    "good": (GyroModel(density=0.0005, bias=0.005), lambda _, rates: rates),
+    "cheap, 20 ms late": (GyroModel(density=0.005, bias=0.04, bias_walk=2e-4, scale=0.02, delay=0.02),
+                          lambda _, rates: rates),
+    "stuck": (GyroModel(), lambda _, rates: np.zeros_like(rates)),
+    "upside down": (GyroModel(), lambda _, rates: -rates),
+    "dies after 50 s": (GyroModel(), lambda times, rates: np.where(times < 50.0, rates, 0.02)),
+}
+
+
+def imus(worlds: list[str], seeds: list[int], duration: float) -> None:
+    """Gyros of all kinds with odometry of some."""
+    sensor = SENSORS["361 beams, 180°, 5 mm, 80 m, 5 Hz"]
+    medium, bad = OdometryModel.medium(), OdometryModel.bad()
+    rows = []
+    for kind in worlds:
+        for odometry in ("as it comes", "worn, slips in turns", "none"):
+            for name, (gyro, change) in GYROS.items():
+                runs, errors = [], []
+                for seed in seeds:
+                    log = record(WORLDS[kind](seed), sensor, medium, seed, duration, gyro)
+                    stream: Stream = log.measurements()
+                    if odometry.startswith("worn"):
+                        stream = disturbed(log, bad, seed, Slips(per_metre=0.1, turn=0.3))
+                    run = estimate(log, with_rates(stream, change), odometry != "none")
+                    runs.append(run)
+                    found = run.slam.sensor.get("gyro")
+                    if isinstance(found, dict) and change is not None:
+                        errors.append(abs(found["bias_rad_per_second"] - gyro.bias))
+                aside = sum(run.slam.sensor["gyro"]["matches_without_it"]  # type: ignore[index]
+                            for run in runs if "gyro" in run.slam.sensor)
+                broken = name in ("stuck", "upside down", "dies after 50 s", "none")
+                rows.append([kind, odometry, name, f"{np.mean([run.ate for run in runs]):.4f}",
+                             f"{max(run.largest for run in runs):.3f}",
+                             f"{np.mean([run.degrees for run in runs]):.3f}",
+                             "-" if broken else f"{np.degrees(np.mean(errors)):.3f}", str(aside)])
+    print_table(["world", "odometry", "gyro", "ATE m (mean)", "max m", "deg", "bias off by: deg/s",
+                 "left aside: scans"], rows)
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--worlds", nargs="+", choices=list(WORLDS), default=list(WORLDS))
@@ -216,8 +271,9 @@ def main() -> None:
     table = parser.add_mutually_exclusive_group()
     table.add_argument("--sweep", action="store_true", help="a slow spinning laser")
     table.add_argument("--odometry", action="store_true", help="odometry of all kinds")
+    table.add_argument("--imu", action="store_true", help="gyros of all kinds")
     options = parser.parse_args()
-    show = sweeps if options.sweep else odometries if options.odometry else sensors
+    show = sweeps if options.sweep else odometries if options.odometry else imus if options.imu else sensors
     show(options.worlds, options.seeds, options.duration)
 
 

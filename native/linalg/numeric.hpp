@@ -98,7 +98,7 @@ struct Numeric::Scratch {
 template <class State>
 std::vector<std::unique_ptr<State>> Numeric::make_states(const Schedule& schedule) const {
     const bool alone = schedule.top.empty() && schedule.tasks.size() < 2;
-    const size_t threads = alone ? 1 : static_cast<size_t>(threads_);
+    const size_t threads = alone ? 1 : Team::most(static_cast<size_t>(threads_));
     std::vector<std::unique_ptr<State>> states;
     for (size_t t = 0; t < threads; ++t) states.push_back(std::make_unique<State>(symbolic_));
     return states;

@@ -12,6 +12,7 @@ namespace clew::linalg {
 
 namespace {
 
+constexpr int kMostThreads = 64;      // the tree is cut for; cut finer, subtrees would be crumbs
 constexpr double kWorthThreads = 2e7;  // flops below which starting threads costs more than it saves
 constexpr double kShared = 0.6;        // share of a thread by which each more of them speeds a front of the top up
 constexpr size_t kLargestTop = 64;     // fronts that are opened in search of a cut, a thread
@@ -190,7 +191,7 @@ void place_updates(const Symbolic& symbolic, bool in_factor, Schedule& schedule)
 
 Schedule make_schedule(const Symbolic& symbolic, int threads, Updates updates) {
     Schedule schedule;
-    split(symbolic, threads, schedule);
+    split(symbolic, std::min(threads, kMostThreads), schedule);
     schedule.update.assign(symbolic.count(), 0);
     schedule.storage_size = updates == Updates::kApart ? 0 : symbolic.factor_size;
     if (updates == Updates::kKept) {

@@ -1,6 +1,7 @@
 // A few threads that share pieces of work for as long as one factorisation takes.
 #pragma once
 
+#include <algorithm>
 #include <condition_variable>
 #include <cstddef>
 #include <functional>
@@ -25,6 +26,12 @@ public:
     void run(size_t pieces, const std::function<void(size_t, size_t)>& work);
 
     size_t workers() const { return helpers_.size() + 1; }
+
+    // More workers than this machine has processors would only wait for each other.
+    static size_t most(size_t wanted) {
+        const size_t processors = std::thread::hardware_concurrency();  // 0 where that is not known
+        return processors == 0 ? wanted : std::min(wanted, processors);
+    }
 
 private:
     void help(size_t worker);

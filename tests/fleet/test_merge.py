@@ -149,6 +149,23 @@ def test_identities_that_disagree_are_named() -> None:
         merge([still_robot("a", points, identities=names), still_robot("b", moved, (3, 2, 1), names)])
 
 
+@pytest.mark.parametrize("apart", [1.9, 2.1])
+def test_one_identity_in_two_places_is_told_once_the_maps_are_placed(apart: float) -> None:
+    """As of robots that were placed by other means: by edges, or by way of a third robot."""
+    points = 20 * np.random.default_rng(9).random((3, 2))
+    turn = np.array([4.0, -2.0, 0.7])
+    moved = points.copy()
+    moved[1] += apart * np.array([0.6, 0.8])
+    robots = [still_robot("a", points, identities=["u", "v", "w"]),
+              still_robot("b", se2.act(se2.inverse(turn), moved), identities=["u", "v", "x"])]
+    tables = separate_keys([robot.graph for robot in robots], list("ab"))
+    if apart < 2.0:
+        assert len(common_landmarks(robots, {}, [np.zeros(3), turn], tables).shared) == 2
+    else:
+        with pytest.raises(InputError, match=r"a and b disagree about identities: v stand 2\.1 m apart"):
+            common_landmarks(robots, {}, [np.zeros(3), turn], tables)
+
+
 def edge_robots(wrong: int) -> list:
     """Two robots on the same square, tied by four relative poses of which `wrong` are wrong."""
     square = np.array([[0, 0, 0], [2, 0, np.pi / 2], [2, 2, np.pi], [0, 2, -np.pi / 2]])

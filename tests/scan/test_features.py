@@ -32,7 +32,7 @@ Array = NDArray[np.float64]
 
 PLACE = np.array([0.2, -0.1, 0.4])  # of the laser on the robot
 SIGMA = 0.01
-RETURNS = ReturnOptions(sigma_range=SIGMA, sigma_bearing=1e-6)
+RETURNS = ReturnOptions(sigma_range=SIGMA, sigma_bearing=1e-6, sigma_surface=0.0)  # walls of a simulation are straight
 LINES, CIRCLES = LineOptions(RETURNS), CircleOptions(RETURNS)
 LIDAR = Path(__file__).parents[3] / "shared" / "data" / "lidar"
 
@@ -97,6 +97,25 @@ def test_exact_ranges_give_exact_lines_and_corners() -> None:
     np.testing.assert_allclose(line_errors(lines, poses, ROOM_WALLS), 0, atol=1e-9)
     corners = find_corners(lines)
     np.testing.assert_allclose(corners.openings, np.pi / 2, atol=1e-9)
+
+
+def test_walls_that_are_shifted_and_bent_keep_their_covariance() -> None:
+    """However many returns: what all of a wall share does not average out."""
+    rng = np.random.default_rng(5)
+    shared = 0.02
+    options = LineOptions(replace(RETURNS, sigma_range=0.003, sigma_surface=shared))
+    errors, covariances = [], []
+    for seed in range(150):
+        length = rng.uniform(1.0, 6.0)
+        tilt, shift = np.sqrt(12.0) * shared / length * rng.standard_normal(), shared * rng.standard_normal()
+        along = 0.5 * length * np.array([[-np.sin(tilt), np.cos(tilt)]])
+        middle = np.array([[3.0 + shift, 1.0]])
+        scan = scans_of(np.stack([middle - along, middle + along], axis=1), np.zeros((1, 3)), seed=seed, sigma=0.001)
+        lines = find_lines(scan, options)
+        assert len(lines) == 1
+        errors.append(lines.parameters[0] - [0.0, 3.0])
+        covariances.append(lines.covariances[0])
+    check_nees(np.array(errors), np.array(covariances))
 
 
 def test_covariance_of_a_laser_far_from_the_centre() -> None:

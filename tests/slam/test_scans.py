@@ -19,7 +19,8 @@ def scan(k: int) -> LaserScan:
 def test_every_scan_has_a_row_and_ranges_are_kept_in_single_precision() -> None:
     store = ScanStore(most=10)
     for k in range(6):
-        store.add(scan(k), k // 3, np.array([k, 0.0, 0.0]), None if k < 2 else np.array([0.0, k, 0.0]))
+        store.add(scan(k), k // 3, np.array([k, 0.0, 0.0]), None if k < 2 else np.array([0.0, k, 0.0]),
+                  np.zeros(3))
     assert len(store) == 6
     np.testing.assert_array_equal(store.keyframes, [0, 0, 0, 1, 1, 1])
     np.testing.assert_array_equal(store.T_keyframe_robot[:, 0], np.arange(6))
@@ -34,22 +35,22 @@ def test_every_scan_has_a_row_and_ranges_are_kept_in_single_precision() -> None:
 def test_of_a_robot_that_stands_only_some_scans_are_kept_evenly() -> None:
     store = ScanStore(most=16)
     for k in range(1000):
-        store.add(scan(k), 0, np.zeros(3), None)
+        store.add(scan(k), 0, np.zeros(3), None, np.zeros(3))
         assert len(store.kept()[0]) <= 16
     numbers, _ = store.kept()
     assert len(numbers) >= 8
     assert len(np.unique(np.diff(numbers))) == 1
     assert numbers[0] == 0
     assert numbers[-1] >= 900
-    store.add(scan(1000), 1, np.zeros(3), None)
-    store.add(scan(1001), 1, np.zeros(3), None)
+    store.add(scan(1000), 1, np.zeros(3), None, np.zeros(3))
+    store.add(scan(1001), 1, np.zeros(3), None, np.zeros(3))
     np.testing.assert_array_equal(store.kept()[0][-2:], [1000, 1001])  # the next keyframe begins anew
 
 
 def test_scans_go_with_their_keyframe_and_their_rows_stay() -> None:
     store = ScanStore(most=4)
     for k in range(9):
-        store.add(scan(k), k // 3, np.zeros(3), None)
+        store.add(scan(k), k // 3, np.zeros(3), None, np.zeros(3))
     store.forget(1)
     store.forget(77)
     np.testing.assert_array_equal(store.kept()[0], [0, 1, 2, 6, 7, 8])

@@ -68,7 +68,7 @@ class Conversion:
 
 
 def convert_file(source: Path, target: Path, to: Format | None, scan_topic: str | None, odometry_topic: str | None,
-                 console: Console) -> Conversion:
+                 console: Console, imu_topic: str | None = None) -> Conversion:
     """Read, write, and tell.
 
     Raises:
@@ -90,7 +90,8 @@ def convert_file(source: Path, target: Path, to: Format | None, scan_topic: str 
     with stages(console) as shown:
         shown.begin("reading", note=source.name)
         if formats is LOGS:
-            log = open_log(source, scan_topic=scan_topic, odometry_topic=odometry_topic, order="recorded")
+            log = open_log(source, scan_topic=scan_topic, odometry_topic=odometry_topic, imu_topic=imu_topic,
+                           order="recorded")
             shown.begin("writing", note=target.name)
             content, notes = _write_log(log, target, wanted)
         elif formats is MAPS:
@@ -117,10 +118,14 @@ def _write_log(log: Log, target: Path, wanted: Format) -> tuple[str, list[str]]:
         write_carmen_log(target, log)
         notes.append("rounded: times to microseconds, ranges to 32-bit floats; lost: the shortest range of the laser, "
                      "records that are neither scan nor odometry")
+        if log.has_gyro:
+            notes.append(f"lost: {log.report.used['gyro']:,} turn rates of the gyro, for which the format has none")
     else:
         write_bag(target, log, _STYLES[wanted])
-        notes.append("rounded: ranges to 32-bit floats; lost: records that are neither scan nor odometry")
-    return f"{log.scan_count:,} scans, {log.report.used['odometry']:,} odometry readings", notes
+        notes.append("rounded: ranges to 32-bit floats; lost: records that are neither scan nor odometry"
+                     + (" nor turn rate" if log.has_gyro else ""))
+    gyro = f", {log.report.used['gyro']:,} turn rates" if log.has_gyro else ""
+    return f"{log.scan_count:,} scans, {log.report.used['odometry']:,} odometry readings{gyro}", notes
 
 
 def _convert_map(source: Path, kind: FileKind, target: Path, wanted: Format) -> tuple[str, list[str]]:

@@ -20,6 +20,8 @@ def convert(
         metavar="TOPIC", show_default=False, help="Topic of the scans of a bag.")] = None,
     odometry_topic: Annotated[str | None, typer.Option(
         metavar="TOPIC", show_default=False, help="Topic of the odometry of a bag.")] = None,
+    imu_topic: Annotated[str | None, typer.Option(
+        metavar="TOPIC", show_default=False, help="Topic of the IMU of a bag.")] = None,
     json: Json = False,
     quiet: Quiet = False,
     log_level: LogLevelOption = LogLevel.WARNING,
@@ -54,7 +56,7 @@ def convert(
     from clew.cli.conversion import convert_file
     from clew.cli.terminal import messages
 
-    done = convert_file(source, target, to, scan_topic, odometry_topic, messages(quiet))
+    done = convert_file(source, target, to, scan_topic, odometry_topic, messages(quiet), imu_topic)
     if json:
         typer.echo(json_.dumps(done.to_dict(), indent=2))
     elif not quiet:

@@ -117,6 +117,10 @@ def describe_log(path: Path, kind: str) -> Description:
                                 f"{np.degrees(turn):.3g} degrees"))  # fmt: skip
     if health.odometry is not None:
         about.lines += [("odometry", _stream(health.odometry, "reading")), ("", f"way {metres(health.distance)}")]
+    if health.gyro is not None:
+        about.lines += [("gyro", _stream(health.gyro.stream, "reading")),
+                        ("", f"at most {np.degrees(health.gyro.fastest):.3g} degrees a second, "
+                             f"{np.degrees(health.gyro.quiet):+.2g} where it is quiet")]  # fmt: skip
     return about
 
 

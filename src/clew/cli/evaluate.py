@@ -148,3 +148,7 @@ def _print_spread(of_itself: SelfEvaluation) -> None:
     results().print(
         f"returns about their walls: median {100 * spread.median:.2f} cm, rms {100 * spread.rms:.2f} cm "
         f"({spread.used} returns, {spread.unused} without a wall)", soft_wrap=True)
+    if of_itself.beam_times:
+        results().print(
+            f"motion within scans taken out: sweep of {1000 * of_itself.beam_times.sweep:.1f} ms, every second beam "
+            f"{1000 * of_itself.beam_times.interlace:.1f} ms later, found from the scans", soft_wrap=True)

@@ -31,7 +31,8 @@ LEAST_RESOLUTION, LARGEST_RESOLUTION = 0.005, 1.0
 
 def run_log(
     path: Path, out: Path, refine: bool, odometry: bool, resolution: float, scan_topic: str | None,
-    odometry_topic: str | None, json: bool, quiet: bool, live: LiveOptions,
+    odometry_topic: str | None, json: bool, quiet: bool, live: LiveOptions, imu: bool = True,
+    imu_topic: str | None = None,
 ) -> None:  # fmt: skip
     """The job of ``clew run``."""
     from clew.io import ensure_output_folder, log_health, open_log
@@ -43,7 +44,10 @@ def run_log(
     begun = time.perf_counter()
     console = messages(quiet)
     with console.status(f"reading {path.name}"):
-        log = open_log(path, scan_topic=scan_topic, odometry_topic=odometry_topic)
+        log = open_log(path, scan_topic=scan_topic, odometry_topic=odometry_topic, imu_topic=imu_topic)
+    if odometry and not log.has_odometry and log.has_gyro and imu:
+        console.print("no odometry: motion is estimated from scans and gyro", highlight=False)
+        odometry = False
     if odometry and not log.has_odometry:
         raise InputError(
             f"{path}: {log.scan_count} scans but no odometry: record it too, "
@@ -51,7 +55,7 @@ def run_log(
         )
     ensure_output_folder(out)
     with live_view(live, path.name, log.scan_count, console) as viewer:
-        result = map_log(log, JobOptions(out, path.name, refine, odometry, resolution), console, begun,
+        result = map_log(log, JobOptions(out, path.name, refine, odometry, imu, resolution), console, begun,
                          health=lambda: log_health(log), viewer=viewer)
         code = _finish(result, {"log": path.name}, out, log, json, console)
     sys.exit(code)
@@ -124,6 +128,11 @@ def sensor_lines(sensor: dict[str, dict[str, object]]) -> list[str]:
         f"laser: {laser['beams']} beams over {laser['field_of_view_deg']:g} degrees, "
         f"{laser['scans_per_second']} scans a second, range noise {1000 * float(str(laser['range_noise_m'])):.0f} mm"
     ]
+    if laser["sweep_known_from"] == "scans":
+        found = {"one after the other within": laser["sweep_seconds"],
+                 "every second one later by": laser["interlace_seconds"]}
+        told = ", ".join(f"{what} {1000 * float(str(value)):.1f} ms" for what, value in found.items() if value)
+        lines.append(f"its beams are not of one moment, as scans of the turning robot show: {told}")
     if odometry := sensor.get("odometry"):
         metre, radian = odometry["noise_per_sqrt_metre"], odometry["noise_per_sqrt_radian"]
         assert isinstance(metre, dict)
@@ -132,6 +141,14 @@ def sensor_lines(sensor: dict[str, dict[str, object]]) -> list[str]:
             f"odometry: off by {100 * metre['forward']:.1f} cm forwards, {100 * metre['sideways']:.1f} cm sideways and "
             f"{np.degrees(metre['turn']):.2f} degrees after a metre, {np.degrees(radian['turn']):.1f} degrees after a "
             "radian (standard deviations)"
+        )
+    if gyro := sensor.get("gyro"):
+        noise, bias = (np.degrees(float(str(gyro[name]))) for name in
+                       ("noise_rad_per_sqrt_second", "bias_rad_per_second"))  # fmt: skip
+        aside = int(str(gyro["matches_without_it"]))
+        lines.append(
+            f"gyro: bias {bias:+.2g} degrees a second, off by {noise:.2g} degrees after a second (standard deviation)"
+            + (f"; left aside at {aside} scans, where turns were better told without it" if aside else "")
         )
     return [*lines, *(str(doubt) for doubt in sensor.get("doubts", []))]
 

@@ -20,7 +20,7 @@ from clew.cli.process import peak_memory_mb
 from clew.cli.progress import job_progress
 from clew.errors import InputError
 from clew.io import LogHealth, Records
-from clew.motion import Odometry
+from clew.motion import Odometry, TurnRates
 from clew.slam import Slam, SlamConfig, Trajectory
 from clew.view import report_of_run, write_report
 
@@ -39,6 +39,7 @@ class JobOptions:
     title: str
     refine: bool = True
     odometry: bool = True
+    imu: bool = True
     resolution: float = 0.05
 
 
@@ -80,6 +81,9 @@ def map_log(
                 break
             if isinstance(measurement, Odometry):
                 slam.add_odometry(measurement)
+            elif isinstance(measurement, TurnRates):
+                if options.imu:
+                    slam.add_turn_rates(measurement)
             elif not slam.has_odometry:
                 left_out["scan before any odometry"] += 1
             elif slam.scan_count and measurement.timestamp <= slam.time_span[1]:

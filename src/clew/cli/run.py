@@ -32,6 +32,12 @@ def run(
     odometry_topic: Annotated[
         str | None, typer.Option(metavar="TOPIC", show_default=False, help="Topic of the odometry of a bag.")
     ] = None,
+    imu: Annotated[
+        bool, typer.Option("--imu/--no-imu", help="Let the gyro of a bag's IMU tell turns, or leave it out.")
+    ] = True,
+    imu_topic: Annotated[
+        str | None, typer.Option(metavar="TOPIC", show_default=False, help="Topic of the IMU of a bag.")
+    ] = None,
     robot: Annotated[
         int | None, typer.Option(metavar="N", show_default=False, help="Robot of an MRCLAM folder; default: all.")
     ] = None,
@@ -52,6 +58,10 @@ def run(
     LOG is a CARMEN log (plain, .gz or .bz2) or a ROS bag (ROS 1 .bag; ROS 2 folder, .db3 or .mcap; needs
     `pip install 'clew[bags]'`). Nothing needs to be set: what depends on the sensor is read from the log.
     Ctrl-C stops and writes what has been mapped so far.
+
+    A bag may hold an IMU (sensor_msgs/Imu): its gyro tells the turns, with bias, noise and clock found on the way; one
+    that is worse than the wheels is left aside. With it a bag needs no odometry. Transforms or gravity say how the
+    IMU is mounted.
 
     A folder of the UTIAS MRCLAM data (odometry and sightings of landmarks) gives landmarks.csv and landmarks.png in
     place of the map, for one robot or for all of them in one graph; the options of laser logs do not concern it.
@@ -102,4 +112,5 @@ def run(
     if robot is not None:
         raise InputError(f"--robot {robot}: {log} is no MRCLAM folder; leave the option out")
     viewing = LiveOptions(live, live_host, live_port, no_open, live_keep)
-    run_log(log, out, refine, odometry, resolution, scan_topic, odometry_topic, json, quiet, viewing)
+    run_log(log, out, refine, odometry, resolution, scan_topic, odometry_topic, json, quiet, viewing, imu,
+            imu_topic)

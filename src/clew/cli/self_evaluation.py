@@ -12,8 +12,11 @@ from clew.errors import InputError
 from clew.evaluate import PairErrors, WallSpread, associate, pair_errors, revisiting_pairs, wall_spread
 from clew.geometry import se2, se3
 from clew.io import Log
+from clew.motion import body_velocities
 from clew.scan import (
     AlignmentOptions,
+    BeamTimes,
+    CleaningOptions,
     IndexedClouds,
     LaserScan,
     ScanPoints,
@@ -23,6 +26,7 @@ from clew.scan import (
     index_cloud,
     join,
 )
+from clew.slam.timing import beam_times_of
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
@@ -37,7 +41,6 @@ AGREEMENT = (0.02, np.radians(0.3))
 #: Tight: partners no further away than the noise of the trajectory and of the returns.
 ALIGNMENT = AlignmentOptions(radius_start=0.3, radius_end=0.08, iterations=40)
 PAIRS_AT_ONCE = 250
-SAME_MOTION = 1.0  # seconds between poses at most that tell how the robot moved during a sweep
 SPREAD_STEP = 0.2  # metres of way between scans whose returns make the walls
 
 
@@ -50,18 +53,21 @@ class SelfEvaluation:
         disagreement: mean distance between the results of the two directions of alignment, metres and radians: what
             the measurement itself is uncertain by.
         spread: of returns about their walls.
+        beam_times: when the beams of a scan were measured, as found where the log does not tell.
     """
 
     pairs: PairErrors
     disagreement: tuple[float, float]
     spread: WallSpread
+    beam_times: BeamTimes
 
     def to_dict(self) -> dict[str, object]:
         """Plain numbers; metres and degrees."""
         metres, radians = (None if np.isnan(value) else value for value in self.disagreement)
         return {"pairs": self.pairs.to_dict(), "spread": self.spread.to_dict(),
                 "alignment_disagreement_m": metres,
-                "alignment_disagreement_deg": None if radians is None else float(np.degrees(radians))}
+                "alignment_disagreement_deg": None if radians is None else float(np.degrees(radians)),
+                "sweep_found_s": self.beam_times.sweep, "interlace_found_s": self.beam_times.interlace}
 
 
 def in_plane(poses: Array) -> Array:
@@ -95,26 +101,32 @@ def evaluate_self(
         raise InputError(f"{log.path}: {len(in_log)} of its {len(scans)} scans are at a time of the trajectory: "
                          "give the log that the trajectory was made from")
     timestamps, poses = timestamps[in_trajectory], poses[in_trajectory]
-    scans = without_motion([scans[i] for i in in_log], timestamps, poses)
+    scans = [scans[i] for i in in_log]
+    times = BeamTimes()
+    if not any(scan.is_sweep for scan in scans):
+        chosen = _along_the_way(poses)
+        times = beam_times_of(timestamps, poses, chosen, [scans[i] for i in chosen], CleaningOptions())
+        scans = [times.of(scan) for scan in scans]
+    scans = without_motion(scans, timestamps, poses)
     pairs, disagreement = _judge_pairs(timestamps, poses, scans, progress)
-    return SelfEvaluation(pairs, disagreement, _judge_spread(poses, scans))
+    return SelfEvaluation(pairs, disagreement, _judge_spread(poses, scans), times)
 
 
 def without_motion(scans: Sequence[LaserScan], timestamps: Array, poses: Array) -> list[LaserScan]:
     """Scans as they would have been measured all at once, each at its timestamp.
 
-    The trajectory itself tells how the robot moved during a sweep. A scan that is no sweep comes back as it is, and so
+    The trajectory tells how fast the robot moved during a sweep, and nothing else of it: where the trajectory has the
+    scans does not enter, so a trajectory is not judged by itself. A scan that is no sweep comes back as it is, and so
     does one too far from its neighbours in time.
 
     Args:
-        scans: one for each pose.
+        scans: one for each pose, with the moments of their beams where these are known.
         timestamps: ``(N,)`` seconds, ascending.
         poses: ``(N, 3)``, two at least.
     """
-    seconds = np.diff(timestamps)
-    velocities = se2.log(se2.between(poses[:-1], poses[1:])) / seconds[:, None]
-    velocities[seconds > SAME_MOTION] = 0.0
-    return [deskew(scan, velocity) for scan, velocity in zip(scans, [*velocities, velocities[-1]], strict=True)]
+    middle = float(np.mean([0.5 * sum(scan.span) for scan in scans]))
+    velocities = body_velocities(timestamps, poses, middle).velocity
+    return [deskew(scan, velocity) for scan, velocity in zip(scans, velocities, strict=True)]
 
 
 def _judge_pairs(
@@ -170,9 +182,13 @@ def _well_conditioned(information: Array) -> NDArray[np.bool_]:
     return np.asarray(full & (worst <= WORST_DEVIATION[0]) & (np.sqrt(covariance[:, 2, 2]) <= WORST_DEVIATION[1]))
 
 
-def _judge_spread(poses: Array, scans: Sequence[LaserScan]) -> WallSpread:
+def _along_the_way(poses: Array) -> Indices:
+    """Rows of poses a step of the way apart."""
     way = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(poses[:, :2], axis=0).T))])
-    _, kept = np.unique(np.floor(way / SPREAD_STEP), return_index=True)
-    clouds: list[ScanPoints] = [extract_points(scans[i]).transformed(poses[i]) for i in kept]
+    return np.unique(np.floor(way / SPREAD_STEP), return_index=True)[1]
+
+
+def _judge_spread(poses: Array, scans: Sequence[LaserScan]) -> WallSpread:
+    clouds: list[ScanPoints] = [extract_points(scans[i]).transformed(poses[i]) for i in _along_the_way(poses)]
     scan = np.repeat(np.arange(len(clouds)), [len(cloud) for cloud in clouds])
     return wall_spread(np.concatenate([c.points for c in clouds]), np.concatenate([c.normals for c in clouds]), scan)

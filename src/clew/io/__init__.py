@@ -5,7 +5,7 @@ from clew.io.bag import Topic, list_topics
 from clew.io.feature_drive import UNNAMED, FeatureLog
 from clew.io.feature_log import is_feature_log, read_feature_log
 from clew.io.graph_file import Features, GraphFile, GraphReport
-from clew.io.health import LaserHealth, LogHealth, StreamHealth, log_health, stream_health
+from clew.io.health import GyroHealth, LaserHealth, LogHealth, StreamHealth, log_health, stream_health
 from clew.io.kind import FileKind, file_kind
 from clew.io.log import Log, Measurement, ReadReport, Records
 from clew.io.mrclam import is_mrclam, mrclam_robots, read_mrclam, read_survey
@@ -26,6 +26,7 @@ __all__ = [
     "FileKind",
     "GraphFile",
     "GraphReport",
+    "GyroHealth",
     "LaserHealth",
     "Log",
     "LogHealth",

@@ -17,13 +17,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from clew.errors import InputError, MissingDependencyError
+from clew.io.bag_imu import LOOKED_AT, USUAL, turn_rate_of, upward
 from clew.io.bag_transforms import Transforms
 from clew.io.log import ReadReport
 from clew.io.recorded import RecordedLog, ScanTable
 
 Array = NDArray[np.float64]
 
-_SCAN, _ODOMETRY = "sensor_msgs/msg/LaserScan", "nav_msgs/msg/Odometry"
+_SCAN, _ODOMETRY, _IMU = "sensor_msgs/msg/LaserScan", "nav_msgs/msg/Odometry", "sensor_msgs/msg/Imu"
 #: A sweep may last this many periods of the scans: clocks are not exact.
 LONGEST_SWEEP = 1.05
 #: Static transforms may be repeated on /tf all along; they are among the first messages there.
@@ -95,6 +96,25 @@ def _choose(path: Path, connections: list[Any], kind: str, wanted: str | None, u
     return topics[0] if topics else None
 
 
+def _choose_imu(path: Path, bag: Any, wanted: str | None) -> str | None:
+    """Topic of the IMU: the one asked for, or the first whose first messages hold turn rates that change."""
+    connections = list(bag.connections)
+    topics: list[str] = sorted({c.topic for c in connections if c.msgtype == _IMU})
+    if wanted is not None:
+        return _choose(path, connections, _IMU, wanted, "")
+    for topic in sorted(topics, key=lambda name: (USUAL.index(name) if name in USUAL else len(USUAL), name)):
+        rows = []
+        try:
+            for connection, _, data in islice(bag.messages([c for c in connections if c.topic == topic]), LOOKED_AT):
+                row = turn_rate_of(bag.deserialize(data, connection.msgtype))
+                rows += [] if row is None else [row[:3]]
+        except Exception:  # see `_opened`
+            continue
+        if len(rows) and (len(rows) < LOOKED_AT or np.ptp(np.array(rows), axis=0).any()):
+            return topic
+    return None
+
+
 def _listing(connections: list[Any]) -> str:
     return ", ".join(sorted({f"{c.topic} ({c.msgtype})" for c in connections})) or "no topics"
 
@@ -114,6 +134,9 @@ class _Collector:
         self.odometry: list[tuple[float, float, float, float, float]] = []
         self.positions: list[int] = []  # of the scans in the order of the bag
         self.frames: tuple[str, str] = ("", "")  # of the robot and of the laser
+        self.rates: list[Array] = []  # and accelerations of the IMU
+        self.rate_times: list[tuple[float, float]] = []  # and positions
+        self.imu_frame = ""
 
     def scan(self, message: Any, received: int) -> bool:
         """Whether the message is a usable scan."""
@@ -139,6 +162,23 @@ class _Collector:
         self.odometry.append(row)
         self.frames = (self.frames[0] or message.child_frame_id, self.frames[1])
         return True
+
+    def imu(self, message: Any, received: int) -> bool:
+        """Whether the message holds turn rates."""
+        row, time = turn_rate_of(message), _seconds(message.header.stamp, received)
+        if row is None or not math.isfinite(time):
+            return False
+        self.rates.append(row)
+        self.rate_times.append((time, float(len(self.positions) + len(self.odometry))))
+        self.imu_frame = self.imu_frame or message.header.frame_id
+        return True
+
+    def turn_rates(self, transforms: Transforms) -> Array:
+        """``(G, 3)`` time, turn rate about the robot's vertical axis, position."""
+        rows = np.array(self.rates).reshape(-1, 6)
+        up, _ = upward(rows, self.frames[0], self.imu_frame, transforms)
+        times, positions = np.array(self.rate_times).reshape(-1, 2).T
+        return np.column_stack([times, rows[:, :3] @ up, positions])
 
     def tables(self, transforms: Transforms) -> tuple[ScanTable, Array]:
         """All scans and all odometry readings."""
@@ -187,14 +227,14 @@ def _collect(bag: Any, connections: list[Any], report: ReadReport) -> _Collector
         except Exception:  # see `_opened`
             report.skipped["bag is damaged: rest of the file"] += 1
             return collector
-        is_scan = connection.msgtype == _SCAN
+        take = {_SCAN: collector.scan, _ODOMETRY: collector.reading, _IMU: collector.imu}[connection.msgtype]
         try:
             message = bag.deserialize(data, connection.msgtype)
-            good = (collector.scan if is_scan else collector.reading)(message, received)
+            good = take(message, received)
         except Exception:  # see `_opened`
             good = False
         if not good:
-            report.skipped["broken LaserScan" if is_scan else "broken Odometry"] += 1
+            report.skipped[f"broken {connection.msgtype.rsplit('/')[-1]}"] += 1
 
 
 def _transforms(bag: Any) -> Transforms:
@@ -234,12 +274,13 @@ def list_topics(path: Path) -> list[Topic]:
 
 
 def read_bag(path: Path, scan_topic: str | None = None, odometry_topic: str | None = None,
-             order: str = "time") -> RecordedLog:
-    """Read ``sensor_msgs/LaserScan`` and ``nav_msgs/Odometry`` of a bag, at the times of their headers.
+             imu_topic: str | None = None, order: str = "time") -> RecordedLog:
+    """Read ``sensor_msgs/LaserScan``, ``nav_msgs/Odometry`` and ``sensor_msgs/Imu`` of a bag, by their headers' times.
 
     Ranges beyond the sensor's bounds become ``inf`` (too far) or ``nan`` (too near). The laser's place on the
     robot comes from the transforms between its frame and the odometry's child frame (else ``base_link``); the
-    identity where the bag has none. A laser mounted upside down gets a negative `angle_increment`.
+    identity where the bag has none. A laser mounted upside down gets a negative `angle_increment`. Turn rates of an IMU
+    are those about the robot's vertical axis, which `upward` finds in its frame, however it is mounted.
 
     Raises:
         InputError: the bag cannot be read, has no such topic, or no scan.
@@ -252,9 +293,11 @@ def read_bag(path: Path, scan_topic: str | None = None, odometry_topic: str | No
         odometry = _choose(path, connections, _ODOMETRY, odometry_topic, "/odom")
         if scans is None:
             raise InputError(f"{path}: has no topic of type {_SCAN}; it has: {_listing(connections)}")
-        chosen = [c for c in connections if (c.msgtype, c.topic) in ((_SCAN, scans), (_ODOMETRY, odometry))]
+        imu = _choose_imu(path, bag, imu_topic)
+        wanted = ((_SCAN, scans), (_ODOMETRY, odometry), (_IMU, imu))
+        chosen = [c for c in connections if (c.msgtype, c.topic) in wanted]
         for other in connections:
-            if other.msgtype in (_SCAN, _ODOMETRY) and other not in chosen:
+            if other.msgtype in (_SCAN, _ODOMETRY, _IMU) and other not in chosen:
                 report.skipped[f"topic {other.topic}"] += other.msgcount
         collector = _collect(bag, chosen, report)
         transforms = _transforms(bag)
@@ -262,4 +305,4 @@ def read_bag(path: Path, scan_topic: str | None = None, odometry_topic: str | No
     if len(tables[0].times) == 0:
         reasons = ", ".join(report.skipped) or "none recorded"
         raise InputError(f"{path}: no usable laser scan on {scans} ({reasons}); record the bag again")
-    return RecordedLog(path, *tables, report, order)
+    return RecordedLog(path, *tables, report, order, collector.turn_rates(transforms))

@@ -1,4 +1,4 @@
-"""Where the laser sits on the robot, from the transforms of a ROS bag."""
+"""Where laser and IMU sit on the robot, from the transforms of a ROS bag."""
 
 from __future__ import annotations
 
@@ -54,14 +54,24 @@ class Transforms:
                 return np.asarray(np.linalg.inv(from_base[frame]) @ matrix, dtype=np.float64)
         return None
 
+    def to_base(self, base: str, sensor: str) -> Array | None:
+        """Matrix ``(4, 4)`` from `sensor` to the robot's coordinates, or None where no way leads.
+
+        `base` is the robot's frame; where that is unknown, the usual names are tried.
+        """
+        for frame in (base, *_BASES):
+            matrix = self.between(frame, sensor) if frame else None
+            if matrix is not None:
+                return matrix
+        return None
+
     def sensor_pose(self, base: str, sensor: str) -> tuple[Array, bool]:
         """Pose ``(3,)`` of the laser on the robot seen from above, and whether it is mounted upside down.
 
         The identity where the bag has no transform between the two.
         """
-        for frame in (base, *_BASES):
-            matrix = self.between(frame, sensor) if frame else None
-            if matrix is not None:
-                yaw = np.arctan2(matrix[1, 0], matrix[0, 0])
-                return np.array([matrix[0, 3], matrix[1, 3], yaw]), bool(matrix[2, 2] < 0)
-        return np.zeros(3), False
+        matrix = self.to_base(base, sensor)
+        if matrix is None:
+            return np.zeros(3), False
+        yaw = np.arctan2(matrix[1, 0], matrix[0, 0])
+        return np.array([matrix[0, 3], matrix[1, 3], yaw]), bool(matrix[2, 2] < 0)

@@ -21,6 +21,9 @@ GAP_INTERVALS, GAP_SECONDS = 10.0, 2.0
 #: Odometry that claims to move faster than a robot can has jumped, metres and radians a second.
 FASTEST, FASTEST_TURN = 5.0, 20.0
 JITTER = 1.0  # seconds; a speed over less is one of the clock
+#: A gyro whose largest rate comes so often has met the end of its scale; one that repeats itself so often is stuck.
+SATURATED, STUCK = 5, 0.9
+SLOWEST_GYRO = 10.0  # Hz; between rarer readings a robot turns unseen
 #: The order of the clock is doubtful when it makes the way longer than the order of the file, by this factor.
 ZIGZAG = 1.02
 
@@ -99,8 +102,34 @@ class LaserHealth:
 
 
 @dataclass(frozen=True, eq=False)
+class GyroHealth:
+    """What the gyro does.
+
+    Attributes:
+        stream: its records over time.
+        quiet: radians a second; median of its rates in the quietest tenth of the log's seconds: nearly its bias, if the
+            robot stood then.
+        fastest: largest rate, radians a second.
+        constant: share of readings that repeat the one before to the last bit.
+        saturated: readings at the largest rate, where more than a few share it.
+    """
+
+    stream: StreamHealth
+    quiet: float
+    fastest: float
+    constant: float
+    saturated: int
+
+    def to_dict(self) -> dict[str, object]:
+        """Plain numbers, for JSON; angles in degrees."""
+        return {**self.stream.to_dict(), "quiet_deg_per_s": float(np.degrees(self.quiet)),
+                "fastest_deg_per_s": float(np.degrees(self.fastest)), "constant": self.constant,
+                "saturated": self.saturated}
+
+
+@dataclass(frozen=True, eq=False)
 class LogHealth:
-    """The state of a log of laser scans and odometry.
+    """The state of a log of laser scans, odometry and turn rates.
 
     Attributes:
         duration: seconds from the first to the last scan.
@@ -113,6 +142,7 @@ class LogHealth:
         turned: sum of all turns by odometry, radians.
         jumps: ``(J, 2)`` where odometry claims to move faster than a robot can: time, and distance in metres.
         skipped: records left out, by reason.
+        gyro: what the gyro does; None without one.
     """
 
     duration: float
@@ -124,6 +154,7 @@ class LogHealth:
     turned: float
     jumps: Array
     skipped: Mapping[str, int]
+    gyro: GyroHealth | None = None
 
     @property
     def problems(self) -> tuple[str, ...]:
@@ -134,6 +165,7 @@ class LogHealth:
         """Plain numbers, for JSON."""
         return {"duration_s": self.duration, "scans": self.scans.to_dict(),
                 "odometry": None if self.odometry is None else self.odometry.to_dict(), "laser": self.laser.to_dict(),
+                "gyro": None if self.gyro is None else self.gyro.to_dict(),
                 "distance_m": self.distance, "distance_by_time_m": self.distance_by_time,
                 "turned_deg": float(np.degrees(self.turned)), "jumps": self.jumps.tolist(),
                 "skipped": dict(self.skipped), "problems": list(self.problems)}
@@ -160,6 +192,7 @@ def log_health(log: Records) -> LogHealth:
         turned=min(written[1], timed[1]),
         jumps=jumps,
         skipped=dict(sorted(Counter(recorded.report.skipped).items())),
+        gyro=_gyro(recorded.gyro) if recorded.has_gyro else None,
     )
 
 
@@ -187,6 +220,25 @@ def _odometry(own: Array, apart: Array) -> StreamHealth | None:
     """Of readings ``(M, 5)`` that came with scans, and apart from them."""
     readings = apart if len(apart) else own
     return stream_health("odometry", readings[:, 0], readings[:, 4]) if len(readings) else None
+
+
+def _gyro(readings: Array) -> GyroHealth:
+    """Of turn rates ``(G, 3)`` in the order of time."""
+    times, rates = readings[:, 0], readings[:, 1]
+    first = np.flatnonzero(np.diff(np.floor(times), prepend=-np.inf) > 0)
+    number = np.diff(first, append=len(rates))
+    mean = np.add.reduceat(rates, first) / number
+    spread = np.sqrt(np.maximum(np.add.reduceat(rates**2, first) / number - mean**2, 0.0))
+    calm = np.argsort(spread, kind="stable")[: max(len(first) // 10, 1)]
+    fastest = float(np.abs(rates).max())
+    at_limit = int(np.count_nonzero(np.abs(rates) == fastest))
+    return GyroHealth(
+        stream=stream_health("gyro", times, readings[:, 2]),
+        quiet=float(np.median(mean[calm])),
+        fastest=fastest,
+        constant=float(np.mean(np.diff(rates) == 0.0)) if len(rates) > 1 else 0.0,
+        saturated=at_limit if at_limit >= SATURATED and fastest > 0.0 else 0,
+    )
 
 
 def _way(readings: Array) -> tuple[tuple[float, float], Array]:
@@ -229,8 +281,10 @@ def _laser(table: ScanTable) -> LaserHealth:
 def _problems(health: LogHealth) -> list[str]:
     found = []
     if health.odometry is None:
-        found.append("no odometry: map with --no-odometry, from the scans alone")
-    for stream in (health.scans, health.odometry):
+        found.append("no odometry: map with --no-odometry, from the scans alone" if health.gyro is None else
+                     "no odometry: the map is made from scans and gyro")
+    gyro = health.gyro
+    for stream in (health.scans, health.odometry, None if gyro is None else gyro.stream):
         if stream is None:
             continue
         if len(stream.gaps):
@@ -246,6 +300,8 @@ def _problems(health: LogHealth) -> list[str]:
     if len(health.jumps):
         found.append(f"odometry jumps {_times(len(health.jumps))}, by at most {np.max(health.jumps[:, 1]):.1f} m: "
                      "it was reset or is damaged")
+    if gyro is not None:
+        found += _gyro_problems(gyro)
     laser = health.laser
     if len(laser.beams) > 1:
         counts = ", ".join(f"{scans:,} of {beams}" for beams, scans in laser.beams.items())
@@ -255,6 +311,18 @@ def _problems(health: LogHealth) -> list[str]:
     if laser.invalid > 0.1:
         found.append(f"{100 * laser.invalid:.0f} % of the beams are no distance")
     found += [f"left out: {count:,} x {reason}" for reason, count in health.skipped.items()]
+    return found
+
+
+def _gyro_problems(gyro: GyroHealth) -> list[str]:
+    found = []
+    if gyro.constant >= STUCK:
+        found.append(f"gyro: {100 * gyro.constant:.0f} % of the readings repeat the one before: it is stuck")
+    elif gyro.saturated:
+        found.append(f"gyro: {gyro.saturated:,} readings at {np.degrees(gyro.fastest):.0f} degrees a second, the end "
+                     "of its scale: faster turns are not told")
+    if 0.0 < gyro.stream.rate < SLOWEST_GYRO:
+        found.append(f"gyro: only {gyro.stream.rate:.2g} readings a second")
     return found
 
 

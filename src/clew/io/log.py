@@ -8,10 +8,10 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Protocol
 
-from clew.motion import Odometry
+from clew.motion import Odometry, TurnRates
 from clew.scan import LaserScan
 
-Measurement = LaserScan | Odometry
+Measurement = LaserScan | Odometry | TurnRates
 
 
 @dataclass
@@ -49,7 +49,7 @@ class Log(Protocol):
     Opened with another order than that of time (see `open_log`), timestamps may step back.
 
     Where a record carries a scan and the odometry of the same instant, the `Odometry` comes right before its
-    `LaserScan`, with the same timestamp.
+    `LaserScan`, with the same timestamp. Readings of a gyro come as one `TurnRates` before the scan that is next.
     """
 
     path: Path
@@ -70,8 +70,13 @@ class Log(Protocol):
         """Whether there is any odometry in the log."""
         ...
 
+    @property
+    def has_gyro(self) -> bool:
+        """Whether there are turn rates of a gyro in the log."""
+        ...
+
     def measurements(self) -> Iterator[Measurement]:
-        """Yield scans and odometry readings in the order of time.
+        """Yield scans, odometry readings and turn rates in the order of time.
 
         Raises:
             InputError: the file is missing, empty, no log, or holds no scan.

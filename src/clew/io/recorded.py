@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from clew.errors import InputError
 from clew.io.log import Measurement, ReadReport, Records
-from clew.motion import Odometry
+from clew.motion import Odometry, TurnRates
 from clew.scan import LaserScan
 
 Array = NDArray[np.float64]
@@ -105,13 +105,14 @@ class RecordedLog:
         odometry: ``(M, 5)`` readings besides those of the scans: time, x, y, theta, position; in any order.
         report: what the reader met; the counts of used and dropped records are added to it.
         order: one of `ORDERS`, see `open_log`.
+        gyro: ``(G, 3)`` time, radians a second, position; in any order.
 
     Raises:
         InputError: there is no scan.
     """
 
     def __init__(self, path: Path, scans: ScanTable, odometry: Array, report: ReadReport,
-                 order: str = "time") -> None:
+                 order: str = "time", gyro: Array | None = None) -> None:
         if len(scans.times) == 0:
             raise InputError(f"{path}: holds no laser scan; give a log of a robot with a laser")
         self.path = path
@@ -127,6 +128,7 @@ class RecordedLog:
         near = np.abs(odometry[:, 0] - middle) <= _LONGEST_LOG
         _drop(report, "odometry with a time far from all others", int(np.sum(~near)))
         self._odometry = self._without_repeats(odometry[near])
+        self._gyro = self._in_order(np.zeros((0, 3)) if gyro is None else gyro, middle)
         self._with_odometry = ~np.isnan(self._scans.T_odom_robot[:, 0])
         self._ranges = self._scans.ranges
         self._ranges.setflags(write=False)
@@ -139,6 +141,17 @@ class RecordedLog:
             self._odometry_key = self._odometry[:, 4]
         report.used["scans"] += len(self._scans.times)
         report.used["odometry"] += len(self._odometry) + int(np.sum(self._with_odometry))
+        if len(self._gyro):
+            report.used["gyro"] += len(self._gyro)
+
+    def _in_order(self, gyro: Array, middle: float) -> Array:
+        """Turn rates sorted by time, one a moment: each is integrated until the next."""
+        near = gyro[np.abs(gyro[:, 0] - middle) <= _LONGEST_LOG]
+        _drop(self.report, "turn rate with a time far from all others", len(gyro) - len(near))
+        near = near[np.argsort(near[:, 0], kind="stable")]
+        first = np.diff(near[:, 0], prepend=-np.inf) > 0
+        _drop(self.report, "second turn rate of one moment", int(np.sum(~first)))
+        return near[first]
 
     def _without_repeats(self, odometry: Array) -> Array:
         """Sorted by time, without readings that repeat another or the one of a scan."""
@@ -174,9 +187,12 @@ class RecordedLog:
         scans = [(position, m) for position, m in enumerate(taken) if isinstance(m, LaserScan)]
         readings = [(m.timestamp, *m.T_odom_robot, position) for position, m in enumerate(taken)
                     if isinstance(m, Odometry)]
+        rates = [np.column_stack([m.timestamps, m.rates, np.full(len(m.rates), position)])
+                 for position, m in enumerate(taken) if isinstance(m, TurnRates)]
         report = ReadReport(skipped=log.report.skipped.copy())
         return cls(log.path, tabulate([m for _, m in scans], [p for p, _ in scans]),
-                   np.array(readings, dtype=np.float64).reshape(-1, 5), report)
+                   np.array(readings, dtype=np.float64).reshape(-1, 5), report,
+                   gyro=np.concatenate([np.zeros((0, 3)), *rates]))
 
     @property
     def scans(self) -> ScanTable:
@@ -204,18 +220,33 @@ class RecordedLog:
         """Whether there is any odometry in the log."""
         return len(self._odometry) > 0 or bool(np.any(self._with_odometry))
 
+    @property
+    def gyro(self) -> Array:
+        """``(G, 3)`` turn rates in the order of time: time, radians a second, place in the order of recording."""
+        return self._gyro
+
+    @property
+    def has_gyro(self) -> bool:
+        """Whether there are turn rates of a gyro in the log."""
+        return len(self._gyro) > 0
+
     def measurements(self) -> Iterator[Measurement]:
-        """Yield scans and odometry readings in the order chosen."""
+        """Yield scans, odometry readings and turn rates in the order chosen; turn rates always in that of time."""
         scans, odometry = self._scans, self._odometry
         after = np.searchsorted(self._odometry_key, self._scan_key, side="right").tolist()
         times, first, end = scans.times.tolist(), scans.first.tolist(), (scans.first + scans.count).tolist()
         laser = zip(scans.angle_min.tolist(), scans.angle_increment.tolist(), scans.range_min.tolist(),
                     scans.range_max.tolist(), strict=True)
-        done = 0
+        done, told = 0, 0
+        gyro = TurnRates(self._gyro[:, 0].copy(), self._gyro[:, 1].copy())
+        rates = np.maximum.accumulate(np.searchsorted(gyro.timestamps, scans.times, side="right")).tolist()
         for i, (angle_min, increment, range_min, range_max) in enumerate(laser):
             for k in range(done, after[i]):
                 yield Odometry(float(odometry[k, 0]), odometry[k, 1:4])
             done = max(done, after[i])
+            if rates[i] > told:
+                yield gyro.part(told, rates[i])
+                told = rates[i]
             if self._with_odometry[i]:
                 yield Odometry(times[i], scans.T_odom_robot[i])
             yield LaserScan(times[i], self._ranges[first[i] : end[i]], angle_min, increment, range_min,

@@ -1,4 +1,4 @@
-"""Writes logs as ROS bags with the `rosbags` library: LaserScan, Odometry and the laser's place on the robot."""
+"""Writes logs as ROS bags with the `rosbags` library: LaserScan, Odometry, Imu and the laser's place on the robot."""
 
 from __future__ import annotations
 
@@ -17,16 +17,18 @@ import numpy as np
 from clew.errors import InputError, MissingDependencyError
 from clew.io.bag import load_rosbags
 from clew.io.log import Log
-from clew.motion import Odometry
+from clew.motion import Odometry, TurnRates
 from clew.scan import LaserScan
 
-_SCAN, _ODOMETRY = "sensor_msgs/msg/LaserScan", "nav_msgs/msg/Odometry"
+_SCAN, _ODOMETRY, _IMU = "sensor_msgs/msg/LaserScan", "nav_msgs/msg/Odometry", "sensor_msgs/msg/Imu"
 _TRANSFORM, _TRANSFORMS = "geometry_msgs/msg/TransformStamped", "tf2_msgs/msg/TFMessage"
 STYLES = ("ros1", "sqlite3", "mcap")
 
 
 def write_bag(path: str | PathLike[str], log: Log, style: str) -> None:
-    """Write ``/scan``, ``/odom`` and ``/tf_static``; ranges become 32-bit floats, times whole nanoseconds.
+    """Write ``/scan``, ``/odom``, ``/tf_static``, and ``/imu`` if there are turn rates.
+
+    Ranges become 32-bit floats, times whole nanoseconds.
 
     Args:
         path: file to write, or for a ROS 2 bag without the ending ``.db3`` or ``.mcap`` the folder.
@@ -103,11 +105,17 @@ class _Writer:
 
     def write(self, log: Log) -> None:
         """All measurements in the order of the log, the laser's place with the first scan."""
-        topics = {name: self.bag.add_connection(name, kind, typestore=self.types)
-                  for name, kind in (("/scan", _SCAN), ("/odom", _ODOMETRY), ("/tf_static", _TRANSFORMS))}
+        kinds = [("/scan", _SCAN), ("/odom", _ODOMETRY), ("/tf_static", _TRANSFORMS)]
+        kinds += [("/imu", _IMU)] if log.has_gyro else []
+        topics = {name: self.bag.add_connection(name, kind, typestore=self.types) for name, kind in kinds}
         pack = self.types.serialize_ros1 if self.ros1 else self.types.serialize_cdr
         placed, received = False, 0
         for measurement in log.measurements():
+            if isinstance(measurement, TurnRates):
+                for timestamp, rate in zip(measurement.timestamps.tolist(), measurement.rates.tolist(), strict=True):
+                    received = max(round(timestamp * 1e9), received + 1)
+                    self.bag.write(topics["/imu"], received, pack(self._turn_rate(timestamp, rate), _IMU))
+                continue
             if measurement.timestamp < 0:
                 raise InputError(f"{log.path}: has the time {measurement.timestamp:.6f} s; bags hold none before 1970")
             # Readers sort by the time of arrival: where clocks step back, what is recorded later arrives later.
@@ -154,6 +162,15 @@ class _Writer:
                          angle_max=last, angle_increment=scan.angle_increment, time_increment=0.0, scan_time=0.0,
                          range_min=scan.range_min, range_max=scan.range_max, ranges=scan.ranges.astype(np.float32),
                          intensities=np.asarray(strengths, dtype=np.float32))
+
+    def _turn_rate(self, timestamp: float, rate: float) -> Any:
+        """About the robot's own vertical axis; orientation and acceleration are said to be unknown."""
+        turn = self.make("geometry_msgs/msg/Vector3", x=0.0, y=0.0, z=rate)
+        unknown = np.array([-1.0, *np.zeros(8)])
+        return self.make(_IMU, header=self._header(timestamp, self.frames.robot), orientation=self._turn(0.0),
+                         orientation_covariance=unknown, angular_velocity=turn,
+                         angular_velocity_covariance=np.zeros(9), linear_acceleration=self._vector("Vector3"),
+                         linear_acceleration_covariance=unknown)
 
     def _reading(self, odometry: Odometry) -> Any:
         x, y, yaw = odometry.T_odom_robot.tolist()

@@ -128,8 +128,8 @@ class OdometryCalibration:
             weights = known * (FREEDOM + 1) / (FREEDOM + rest**2 / variances)
             bias, deviation = _biases(regressors, error, weights / variances)
             rest = error - regressors @ bias.T
-            found = _variances(extent(step), rest**2, known, measured + quality.floor, quality.variances,
-                               self._assumed.variances)  # fmt: skip
+            found = explain_variances(extent(step), rest**2, known, measured + quality.floor, quality.variances,
+                                      self._assumed.variances)  # fmt: skip
             quality = replace(quality, variances=found, bias=bias, bias_deviation=deviation, steps=self._count)
         self.quality = quality
 
@@ -143,8 +143,8 @@ def _biases(regressors: Array, error: Array, weights: Array) -> tuple[Array, Arr
     return np.einsum("kij,kj->ki", covariance, right), np.sqrt(np.einsum("kii->ki", covariance))
 
 
-def _variances(x: Array, squares: Array, known: Array, base: Array, before: Array, assumed: Array) -> Array:
-    """Variances ``(3, 2)`` by way and turn ``(n, 2)`` that explain squared residuals ``(n, 3)``.
+def explain_variances(x: Array, squares: Array, known: Array, base: Array, before: Array, assumed: Array) -> Array:
+    """Variances ``(k, 2)`` by two extents ``(n, 2)`` that explain squared residuals ``(n, k)``.
 
     Those assumed count as `PRIOR_STEPS` residuals more.
     """

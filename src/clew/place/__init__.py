@@ -13,6 +13,7 @@ from clew.place.consistency import ConsistencyOptions, agree
 from clew.place.descriptor import Descriptor, DescriptorIndex, PairDistances, RingSpectra, TurnedRings
 from clew.place.joining import JoinBudget, JoinOptions, evidence_of_one, join_landmarks, landmark_density
 from clew.place.joint import JointAssociation, joint_compatibility
+from clew.place.sequence import along_all, blurred, evidence_along, told
 from clew.place.submap import Submap, build_submap, surfels_of
 from clew.place.verify import VerificationOptions, look_back, verify
 
@@ -34,9 +35,12 @@ __all__ = [
     "Verdict",
     "VerificationOptions",
     "agree",
+    "along_all",
+    "blurred",
     "build_submap",
     "chi_square_limit",
     "compatibility",
+    "evidence_along",
     "evidence_of_one",
     "join_landmarks",
     "joint_compatibility",
@@ -44,5 +48,6 @@ __all__ = [
     "look_back",
     "nearest_neighbour",
     "surfels_of",
+    "told",
     "verify",
 ]

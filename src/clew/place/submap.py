@@ -79,6 +79,15 @@ class Submap:
         out[inside] = grid.log_odds[rows, columns] != 0
         return out
 
+    def likelihoods(self, points: Array) -> Array:
+        """How likely a return is ``(n,)``, in [0, 1], at each of points ``(n, 2)`` in the anchor's frame."""
+        cells = self.pyramid.cells[0]
+        at = np.floor((points - self.pyramid.origin) / self.pyramid.resolution).astype(np.int64)[:, ::-1]
+        inside = np.all((at >= 0) & (at < np.array(cells.shape)), axis=1)
+        out = np.zeros(len(points))
+        out[inside] = cells[tuple(at[inside].T)] / 255.0
+        return out
+
     def contradicted_share(self, points: Array) -> float:
         """Share of returns ``(n, 2)``, in the anchor's frame, that lie where rays of the submap passed freely."""
         grid, free = self._free

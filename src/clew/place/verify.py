@@ -10,10 +10,21 @@ from numpy.typing import NDArray
 from clew.geometry import se2
 from clew.place.closure import Closure, Verdict
 from clew.place.submap import SEARCH_RESOLUTION, Submap
-from clew.scan import AlignmentOptions, ScanPoints, SourceClouds, align, correlate, merge_surfels, with_new_partners
+from clew.scan import (
+    Alignment,
+    AlignmentOptions,
+    ScanPoints,
+    SourceClouds,
+    align,
+    correlate,
+    merge_surfels,
+    with_new_partners,
+)
 
 Array = NDArray[np.float64]
 
+FITS, MISSES = 0.6, 0.2  # likelihoods of a return on a surface, and of one beside it
+FINE_STEP, STEP = 0.1, 0.2  # metres; between offsets along a corridor, about the match and farther off
 ALONG = 0.97  # cosine of 14 degrees: how well the poses of a search tell the direction of a corridor
 
 
@@ -28,6 +39,9 @@ class VerificationOptions:
         rival_search: and one with this share in the search may turn out to have it once it is aligned.
         slide_angle: rivals turned by less, radians, lie along a line with the best,
         slide_share: if the returns measure that direction by no more than this share of the other.
+        telling: returns that fit at the best pose and nowhere else along such a line, less those that fit elsewhere
+            alone, by which it is told from each other place there,
+        telling_ratio: and how many times as many the former must be.
         overlap: least share of the query's points with a partner.
         rms: largest residual along the normals, metres.
         contradiction: largest share of returns in free space,
@@ -44,6 +58,8 @@ class VerificationOptions:
     rival_search: float = 0.8
     slide_angle: float = 0.05
     slide_share: float = 0.3
+    telling: int = 6
+    telling_ratio: float = 4.0
     overlap: float = 0.55
     rms: float = 0.035
     contradiction: float = 0.15
@@ -113,32 +129,47 @@ def verify(
                 ratio = 0.0  # it has slid to the best
         closure = replace(closure, rival=ratio)
         T_rival = T_rival if ratio >= options.rival_ratio else None
-    start, slide = best.T_target_source, None
-    if T_rival is not None:
-        start, slide = _slide(best.T_target_source, T_rival, T_predicted)
-        if not may_slide or abs(se2.between(best.T_target_source, T_rival)[2]) > options.slide_angle:
-            return replace(closure, verdict=Verdict.AMBIGUOUS, T_target_source=best.T_target_source)
-    cloud = SourceClouds.single(merge_surfels(query, options.fine_voxel))
+    ambiguous = replace(closure, verdict=Verdict.AMBIGUOUS, T_target_source=best.T_target_source)
+    if T_rival is not None and abs(se2.between(best.T_target_source, T_rival)[2]) > options.slide_angle:
+        return ambiguous
+    thin = merge_surfels(query, options.fine_voxel)
+    cloud = SourceClouds.single(thin)
     alignment = replace(alignment, radius_start=options.radius_start, radius_end=options.radius_end)
     both = np.zeros((1, 2), dtype=np.int32)
-    fine = align(
-        submap.index, cloud, both, start[None],
-        T_prior=T_predicted[None], prior_information=prior_information[None], options=alignment,
-    )  # fmt: skip
-    T = fine.T_target_source[0]
-    information = with_new_partners(submap.index, cloud, both, T[None], fine.information, alignment)[0]
-    if slide is not None:
-        slide[:2] = se2.matrix(se2.inverse(T))[:2, :2] @ slide[:2]
-        weakest = _weakest(information, slide, options.slide_share)
+
+    def aligned(start: Array) -> tuple[Alignment, Array]:
+        fine = align(
+            submap.index, cloud, both, start[None],
+            T_prior=T_predicted[None], prior_information=prior_information[None], options=alignment,
+        )  # fmt: skip
+        T = fine.T_target_source
+        return fine, with_new_partners(submap.index, cloud, both, T, fine.information, alignment)[0]
+
+    fine, information = aligned(best.T_target_source)
+    weakest = _weakest(information, options.slide_share)
+    is_partial = False
+    if weakest is not None and (T_rival is None or _is_along(weakest, best.T_target_source, T_rival)):
+        telling, within = _telling(submap, thin.points, fine.T_target_source[0], weakest, centre, half_window, options)
+        is_partial = within > options.rival_distance
+        closure = replace(closure, telling=telling, within=0.0 if is_partial else within)
+    elif T_rival is not None:
+        return ambiguous
+    if is_partial:
+        if not may_slide:
+            across = _without(information, weakest)
+            return replace(ambiguous, telling=closure.telling, information=across, is_partial=True)
+        fine, information = aligned(_slid(fine.T_target_source[0], weakest, T_predicted))
+        weakest = _weakest(information, options.slide_share)
         if weakest is None:
-            return replace(closure, verdict=Verdict.AMBIGUOUS, T_target_source=best.T_target_source)
+            return replace(ambiguous, telling=closure.telling)
         information = _without(information, weakest)
+    T = fine.T_target_source[0]
     error = se2.between(T_predicted, T)
     closure = replace(
         closure,
         T_target_source=T,
         information=information,
-        is_partial=slide is not None,
+        is_partial=is_partial,
         overlap=float(fine.overlap[0]),
         rms=float(fine.rms[0]),
         contradiction=submap.contradicted_share(thinned.transformed(T).points),
@@ -189,26 +220,64 @@ def _settled(
     return aligned, np.array([0.0 if match is None else match.likelihood for match in found])
 
 
-def _slide(best: Array, rival: Array, T_predicted: Array) -> tuple[Array, Array]:
-    """The pose on the line through two matches that is nearest to the predicted one, and the line's direction."""
-    line = rival[:2] - best[:2]
-    line = line / max(float(np.hypot(line[0], line[1])), 1e-9)
-    start = best.copy()
-    start[:2] += line * (line @ (T_predicted[:2] - best[:2]))
-    return start, np.append(line, 0.0)
+def _slid(T: Array, direction: Array, T_predicted: Array) -> Array:
+    """The pose on a line through a match that is nearest to the predicted one; the line is in the source's axes."""
+    line = _turned(T, direction)
+    slid = T.copy()
+    slid[:2] += line * (line @ (T_predicted[:2] - T[:2]))
+    return slid
 
 
-def _weakest(information: Array, direction: Array, share: float) -> Array | None:
-    """Direction ``(3,)`` of translation that returns measure least, if much less than others and about a given one.
+def _turned(T: Array, direction: Array) -> Array:
+    """Direction ``(2,)`` in the target's frame of one ``(3,)`` in the source's."""
+    return np.asarray(se2.matrix(T)[:2, :2] @ direction[:2])
 
-    The poses of a search lie on a grid, so that the line through two of them is askew by some degrees: the returns
-    know better which way the corridor goes.
+
+def _is_along(direction: Array, best: Array, rival: Array) -> bool:
+    """Whether a rival lies along a direction ``(3,)`` in the source's axes.
+
+    The poses of a search lie on a grid, so that the line through two of them is askew by some degrees.
     """
-    least, most = np.linalg.eigvalsh(information[:2, :2])
-    axis = np.linalg.eigh(information[:2, :2])[1][:, 0]
-    if least > share * most or abs(axis @ direction[:2]) < ALONG:
-        return None
-    return np.append(axis, 0.0)
+    line = rival[:2] - best[:2]
+    return bool(abs(_turned(best, direction) @ line) > ALONG * np.hypot(line[0], line[1]))
+
+
+def _telling(
+    submap: Submap, points: Array, T: Array, direction: Array, centre: Array, half_window: Array,
+    options: VerificationOptions,
+) -> tuple[int, float]:
+    """How many returns tell a match from those that rival it along a line, in the window, and from those nearer than
+    what they do not, metres.
+
+    The likelihood of all returns is the same all along a bare corridor, but for a few in a hundred; and it is less
+    where less of the query lies in what the submap has seen, be the match right or wrong. So only returns count that
+    the submap has seen the place of in both poses, and that fit in one of them alone.
+    """
+    line, apart = _turned(T, direction), options.rival_distance
+    middle, half = float(line @ (centre[:2] - T[:2])), float(np.abs(line) @ half_window[:2])
+    near, far = np.arange(FINE_STEP, apart, FINE_STEP), np.arange(apart, abs(middle) + half, STEP)
+    offsets = np.concatenate([-far[::-1], -near[::-1], near, far])
+    offsets = offsets[np.abs(offsets - middle) <= half]
+    here = se2.act(T, points)
+    here = here[submap.observes(here)]
+    if not len(offsets):
+        return len(here), FINE_STEP
+    there = (here + offsets[:, None, None] * line).reshape(-1, 2)
+    shape = (len(offsets), len(here))
+    both, elsewhere = submap.observes(there).reshape(shape), submap.likelihoods(there).reshape(shape)
+    at_best = submap.likelihoods(here)
+    for_it = np.count_nonzero(both & (at_best > FITS) & (elsewhere < MISSES), axis=1)
+    against = np.count_nonzero(both & (at_best < MISSES) & (elsewhere > FITS), axis=1)
+    telling = np.where(for_it >= options.telling_ratio * against, for_it - against, 0)
+    untold = np.abs(offsets[telling < options.telling])
+    is_far = np.abs(offsets) >= apart
+    return int(telling[is_far].min(initial=len(here))), float(untold.max(initial=0.0)) + FINE_STEP
+
+
+def _weakest(information: Array, share: float) -> Array | None:
+    """Direction ``(3,)`` of translation that returns measure least, if much less than others."""
+    values, axes = np.linalg.eigh(information[:2, :2])
+    return np.append(axes[:, 0], 0.0) if values[0] <= share * values[1] else None
 
 
 def _without(information: Array, direction: Array) -> Array:

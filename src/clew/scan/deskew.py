@@ -7,7 +7,6 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from clew.geometry import se2
 from clew.scan.laser import LaserScan
 
 Array = NDArray[np.float64]
@@ -17,27 +16,40 @@ def deskew(scan: LaserScan, velocity: Array) -> LaserScan:
     """The scan as it would have been measured all at once, at its timestamp.
 
     Args:
-        scan: with the time between its beams; without it comes back as it is.
+        scan: with the moments of its beams; without them it comes back as it is.
         velocity: ``(3,)`` body velocity of the robot during the sweep, metres and radians a second.
 
     Returns:
-        A scan whose ranges and `bearings` hold the same returns seen from where the first beam was measured. A beam
+        A scan whose ranges and `bearings` hold the same returns seen from where the robot was at the timestamp. A beam
         without return keeps none and is turned with the robot.
     """
-    if scan.time_increment == 0.0 or not np.any(velocity):
+    if not scan.is_sweep or not np.any(velocity):
         return scan
-    seconds = scan.time_increment * np.arange(len(scan.ranges))
+    seconds = scan.delays
     at = np.asarray(scan.T_robot_sensor, dtype=np.float64)
-    T_first_beam = se2.compose(se2.inverse(at), se2.compose(se2.exp(seconds[:, None] * velocity), at))
-    directions = T_first_beam[:, 2] + scan.angles
+    turn = seconds * velocity[2]
+    # Motion of the robot until each beam: exp of the twist, whose chord points half of the turn aside.
+    half = 0.5 * turn
+    chord = seconds * np.sinc(half / np.pi)
+    c, s = np.cos(half), np.sin(half)
+    moved_x = chord * (c * velocity[0] - s * velocity[1]) - at[0]
+    moved_y = chord * (s * velocity[0] + c * velocity[1]) - at[1]
+    # Returns in the robot's frame, turned and moved with it, seen from the sensor at the timestamp.
     met = np.isfinite(scan.ranges)
     r = np.where(met, scan.ranges, 0.0)
-    x, y = T_first_beam[:, 0] + r * np.cos(directions), T_first_beam[:, 1] + r * np.sin(directions)
+    directions = scan.angles + turn
+    c, s = np.cos(directions + at[2]), np.sin(directions + at[2])
+    cos, sin = np.cos(turn), np.sin(turn)
+    x = r * c + cos * at[0] - sin * at[1] + moved_x
+    y = r * s + sin * at[0] + cos * at[1] + moved_y
+    c, s = np.cos(at[2]), np.sin(at[2])
+    x, y = c * x + s * y, c * y - s * x
     return replace(
         scan,
         ranges=np.where(met, np.hypot(x, y), scan.ranges),
         bearings=np.where(met, np.arctan2(y, x), directions),
         time_increment=0.0,
+        moments=None,
     )
 
 

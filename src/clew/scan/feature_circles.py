@@ -85,6 +85,7 @@ def find_circles(scans: Sequence[LaserScan], options: CircleOptions | None = Non
     good &= _wide_enough(returns, first, last, circles, options)
     good &= _line_misfit(returns, rows, owner, len(first)) > options.better_than_line * np.maximum(misfit, 0.3)
     scan = returns.scan[first[good]]
+    covariances = covariances + options.returns.sigma_surface**2 * np.eye(3)
     return _in_robot_frame(returns, scan, circles[good], covariances[good], used[good])
 
 

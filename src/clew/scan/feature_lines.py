@@ -79,8 +79,10 @@ def find_lines(scans: Sequence[LaserScan], options: LineOptions | None = None) -
     off = (ends * normal[:, None]).sum(axis=2) - parameters[:, 1, None]
     ends = ends - off[..., None] * normal[:, None]
     good = (misfit < options.misfit) & (np.hypot(*(ends[:, 1] - ends[:, 0]).T) >= options.minimum_length)
+    parameters, ends = parameters[good], ends[good]
+    covariances = covariances[good] + _of_surfaces(parameters, ends, options.returns.sigma_surface)
     return _in_robot_frame(
-        returns, returns.scan[first[good]], parameters[good], covariances[good], ends[good], (last - first)[good]
+        returns, returns.scan[first[good]], parameters, covariances, ends, (last - first)[good]
     )
 
 
@@ -176,6 +178,20 @@ def _fit(returns: Returns, points: Array, first: Index, last: Index) -> tuple[Ar
     error = (p * normal).sum(axis=1) - rho[owner]
     misfit = np.bincount(owner, error**2 / parts.variance_across(normal), count) / np.maximum(number[:, 0] - 2, 1)
     return np.stack([alpha, rho], axis=1), covariance, misfit
+
+
+def _of_surfaces(parameters: Array, ends: Array, sigma: float) -> Array:
+    """Covariances ``(K, 2, 2)`` of lines whose walls are shifted and bent: both by `sigma`, about the middle."""
+    alpha = parameters[:, 0]
+    length = np.maximum(np.hypot(*(ends[:, 1] - ends[:, 0]).T), 1e-6)
+    middle = ends.mean(axis=1)
+    lever = middle[:, 1] * np.cos(alpha) - middle[:, 0] * np.sin(alpha)
+    tilt = 12.0 * (sigma / length) ** 2  # of a line through points evenly along it that are so far off, taken as one
+    out = np.empty((len(alpha), 2, 2))
+    out[:, 0, 0] = tilt
+    out[:, 0, 1] = out[:, 1, 0] = lever * tilt
+    out[:, 1, 1] = sigma**2 + lever**2 * tilt
+    return out
 
 
 def _in_robot_frame(returns: Returns, scan: Index, parameters: Array, covariances: Array, ends: Array,

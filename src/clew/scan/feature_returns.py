@@ -23,6 +23,9 @@ class ReturnOptions:
     Attributes:
         sigma_range: standard deviation of a range, rounding included, metres.
         sigma_bearing: of a beam's direction, radians.
+        sigma_surface: standard deviation of what all returns of one surface share, metres: walls are not quite straight
+            nor trees round, and a laser measures one material too near and another too far. More returns do not
+            average it out. Chosen so that normalised errors on real logs are right (`benchmarks/features.py`).
         range_limit: returns further away are left out, metres.
         gap_base, gap_per_metre: neighbouring returns further apart than ``gap_base + gap_per_metre * range`` lie on
             different surfaces.
@@ -31,6 +34,7 @@ class ReturnOptions:
 
     sigma_range: float = 0.015
     sigma_bearing: float = 0.0005
+    sigma_surface: float = 0.003
     range_limit: float = 30.0
     gap_base: float = 0.08
     gap_per_metre: float = 0.05

@@ -31,6 +31,8 @@ class LaserScan:
             timestamp is that of the first beam.
         bearings: ``(n,)`` direction of each beam where they are not evenly spaced, as after motion within the scan was
             removed (`deskew`); None where they are.
+        moments: ``(n,)`` seconds after the timestamp at which each beam was measured, where they do not follow each
+            other evenly from the first (`BeamTimes`); None where `time_increment` tells.
     """
 
     timestamp: float
@@ -43,6 +45,7 @@ class LaserScan:
     intensities: Array | None = None
     time_increment: float = 0.0
     bearings: Array | None = None
+    moments: Array | None = None
 
     @property
     def angles(self) -> Array:
@@ -50,3 +53,24 @@ class LaserScan:
         if self.bearings is not None:
             return self.bearings
         return np.asarray(self.angle_min + self.angle_increment * np.arange(self.ranges.shape[0]), dtype=np.float64)
+
+    @property
+    def delays(self) -> Array:
+        """``(n,)`` seconds after the timestamp at which each beam was measured."""
+        if self.moments is not None:
+            return self.moments
+        return np.asarray(self.time_increment * np.arange(self.ranges.shape[0]), dtype=np.float64)
+
+    @property
+    def span(self) -> tuple[float, float]:
+        """Seconds after the timestamp of the beams that were measured first and last; zeros where all are of one moment
+        or nothing is known."""
+        if self.moments is None:
+            last = self.time_increment * max(len(self.ranges) - 1, 0)
+            return min(last, 0.0), max(last, 0.0)
+        return (float(self.moments.min()), float(self.moments.max())) if len(self.moments) else (0.0, 0.0)
+
+    @property
+    def is_sweep(self) -> bool:
+        """Whether beams are known to be of different moments."""
+        return self.moments is not None or self.time_increment != 0.0

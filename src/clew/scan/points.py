@@ -85,6 +85,13 @@ def extract_points(scan: LaserScan, options: CleaningOptions | None = None) -> S
 
     An isolated return, with no neighbour on its surface, is mostly a mixed pixel at an edge or dust.
     """
+    return extract_returns(scan, options)[0]
+
+
+def extract_returns(
+    scan: LaserScan, options: CleaningOptions | None = None
+) -> tuple[ScanPoints, NDArray[np.int32]]:
+    """`extract_points`, with the beam ``(n,)`` of each."""
     options = options or CleaningOptions()
     ranges = scan.ranges
     limit = min(scan.range_max, options.range_limit)
@@ -96,10 +103,10 @@ def extract_points(scan: LaserScan, options: CleaningOptions | None = None) -> S
         points, beams, MOST_NEIGHBOURS, options.radius, options.gap_base, options.gap_per_metre
     )
     keep = support > 0
-    points, normals, ratio, r = points[keep], normals[keep], ratio[keep], r[keep]
+    points, normals, ratio, r, beams = points[keep], normals[keep], ratio[keep], r[keep], beams[keep]
     along = np.where(ratio > options.blob, ratio, 0.0)
     weights = np.clip(r * abs(scan.angle_increment) / options.spacing, 0.1, 1.0)
-    return ScanPoints(points, normals, along, weights).transformed(scan.T_robot_sensor)
+    return ScanPoints(points, normals, along, weights).transformed(scan.T_robot_sensor), beams
 
 
 def fill_surfaces(cloud: ScanPoints, options: CleaningOptions | None = None) -> ScanPoints:

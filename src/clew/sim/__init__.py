@@ -5,6 +5,7 @@ from clew.sim.carmen import write_carmen
 from clew.sim.demo import KINDS, simulate_demo, simulate_kind
 from clew.sim.disturbance import Slips, disturbed
 from clew.sim.drive import Drive, DriveModel, drive
+from clew.sim.gyro import GyroModel
 from clew.sim.landmarks import (
     ANONYMOUS,
     NO_LANDMARK,
@@ -30,6 +31,7 @@ __all__ = [
     "Drive",
     "DriveModel",
     "FleetModel",
+    "GyroModel",
     "LandmarkWorld",
     "LaserModel",
     "MeetingModel",

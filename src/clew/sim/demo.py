@@ -8,6 +8,7 @@ from functools import partial
 from clew.errors import InputError
 from clew.sim.campus import campus
 from clew.sim.drive import drive
+from clew.sim.gyro import GyroModel
 from clew.sim.laser import LaserModel
 from clew.sim.layouts import hall, identical_doors, long_corridor, loop
 from clew.sim.log import SimulatedLog, simulate
@@ -36,7 +37,7 @@ def simulate_demo(seed: int = 1, *, duration: float = 400.0, people: int = 0, do
 
 def simulate_kind(kind: str, seed: int, *, duration: float = 400.0, rate: float = 5.0, people: int = 0,
                   doors: bool = False, laser: LaserModel | None = None,
-                  odometry: OdometryModel | None = None) -> SimulatedLog:
+                  odometry: OdometryModel | None = None, gyro: GyroModel | None = None) -> SimulatedLog:
     """A drive through a world of one of the `KINDS`; the seed makes world, way and noise.
 
     Args:
@@ -49,6 +50,7 @@ def simulate_kind(kind: str, seed: int, *, duration: float = 400.0, rate: float 
         doors: whether doors open and close (only offices have any that do).
         laser: the sensor; `LaserModel` by default.
         odometry: `OdometryModel.medium` by default.
+        gyro: of an IMU; none by default.
 
     Raises:
         InputError: no such kind, or a duration that is not positive.
@@ -61,4 +63,4 @@ def simulate_kind(kind: str, seed: int, *, duration: float = 400.0, rate: float 
     # A tour at top speed would take the whole time; corners and turns make it longer, and the end is cut off.
     driven = drive(tour(world, seed, 1.2 * duration), rate=rate, duration=duration)
     return simulate(world, driven, laser or LaserModel(), odometry or OdometryModel.medium(), seed,
-                    people=people, doors=doors)
+                    people=people, doors=doors, gyro=gyro)

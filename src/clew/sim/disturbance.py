@@ -9,16 +9,16 @@ from typing import Protocol
 import numpy as np
 
 from clew.geometry import se2
-from clew.motion import Odometry
+from clew.motion import Odometry, TurnRates
 from clew.scan import LaserScan
 from clew.sim.odometry import OdometryModel
 from clew.sim.world import Array
 
 
 class Measured(Protocol):
-    """Whatever yields scans and odometry in the order of time."""
+    """Whatever yields scans, odometry and turn rates in the order of time."""
 
-    def measurements(self) -> Iterator[LaserScan | Odometry]: ...
+    def measurements(self) -> Iterator[LaserScan | Odometry | TurnRates]: ...
 
 
 @dataclass(frozen=True)
@@ -37,7 +37,7 @@ class Slips:
 
 
 def disturbed(log: Measured, noise: OdometryModel, seed: int, slips: Slips | None = None
-              ) -> Iterator[LaserScan | Odometry]:
+              ) -> Iterator[LaserScan | Odometry | TurnRates]:
     """The measurements of a log, its odometry with further errors; same arguments, same stream.
 
     Args:
@@ -50,7 +50,7 @@ def disturbed(log: Measured, noise: OdometryModel, seed: int, slips: Slips | Non
     before: Array | None = None
     pose = np.zeros(3)
     for measurement in log.measurements():
-        if isinstance(measurement, LaserScan):
+        if not isinstance(measurement, Odometry):
             yield measurement
             continue
         now = measurement.T_odom_robot

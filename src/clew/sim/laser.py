@@ -26,6 +26,7 @@ class LaserModel:
         dropout: probability that a beam comes back without a range.
         T_robot_sensor: pose of the laser on the robot: x, y in metres, theta in radians.
         sweep: seconds from the first beam to the last; the robot moves meanwhile. 0 measures all at one moment.
+        interlace: seconds by which every second beam is measured later than that, as in another turn of the mirror.
     """
 
     beams: int = 361
@@ -37,6 +38,7 @@ class LaserModel:
     dropout: float = 0.005
     T_robot_sensor: tuple[float, float, float] = (0.1, 0.0, 0.0)
     sweep: float = 0.0
+    interlace: float = 0.0
 
     def __post_init__(self) -> None:
         if self.beams < 2 or not 0.0 < self.field_of_view <= 2 * np.pi:
@@ -47,6 +49,8 @@ class LaserModel:
                              "needs 0 <= range_min < range_max")
         if not 0.0 <= self.sweep < np.inf:
             raise InputError(f"LaserModel: a sweep of {self.sweep:g} s: must not be negative")
+        if not 0.0 <= self.interlace < np.inf:
+            raise InputError(f"LaserModel: an interlace of {self.interlace:g} s: must not be negative")
         if self.sigma_range < 0.0 or self.resolution < 0.0 or not 0.0 <= self.dropout <= 1.0:
             raise InputError("LaserModel: sigma_range and resolution must not be negative, "
                              "dropout must be in [0, 1]")
@@ -65,6 +69,12 @@ class LaserModel:
     def time_increment(self) -> float:
         """Seconds from one beam to the next."""
         return self.sweep / (self.beams - 1)
+
+    @property
+    def moments(self) -> Array:
+        """``(beams,)`` seconds after the timestamp at which each beam is measured."""
+        beams = np.arange(self.beams)
+        return np.asarray(self.time_increment * beams + self.interlace * (beams % 2), dtype=np.float64)
 
     @property
     def angles(self) -> Array:

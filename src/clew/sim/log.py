@@ -12,11 +12,12 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
 from clew.errors import InputError
-from clew.motion import Odometry
+from clew.motion import Odometry, TurnRates
 from clew.scan import LaserScan
 from clew.sim.doors import cover as cover_by_doors
 from clew.sim.doors import leaves, swing
 from clew.sim.drive import Drive
+from clew.sim.gyro import GyroModel
 from clew.sim.laser import LaserModel, cast_rays, sensor_poses
 from clew.sim.odometry import OdometryModel
 from clew.sim.people import cover, walk
@@ -47,6 +48,7 @@ class SimulatedLog:
         door_share: ``(N, D)`` how far each door of the world stood open, from 0 (closed) to 1; ``(N, 0)`` without.
         path: stands for the path of a log file; nothing is there.
         report: counts of records.
+        gyro: readings of an IMU's gyro, or None without.
     """
 
     world: World
@@ -60,6 +62,7 @@ class SimulatedLog:
     door_share: Array
     path: Path
     report: SimulationReport
+    gyro: TurnRates | None = None
 
     @property
     def scan_count(self) -> int:
@@ -76,15 +79,27 @@ class SimulatedLog:
         """Always: the odometry of every scan is known."""
         return True
 
+    @property
+    def has_gyro(self) -> bool:
+        """Whether the robot had an IMU."""
+        return self.gyro is not None
+
     def scan(self, index: int) -> LaserScan:
         """The scan at the timestamp of this index."""
         return LaserScan(float(self.timestamps[index]), self.ranges[index], self.laser.angle_min,
                          self.laser.angle_increment, self.laser.range_min, self.laser.range_max,
-                         np.array(self.laser.T_robot_sensor), time_increment=self.laser.time_increment)
+                         np.array(self.laser.T_robot_sensor), time_increment=self.laser.time_increment,
+                         moments=self.laser.moments if self.laser.interlace else None)
 
-    def measurements(self) -> Iterator[LaserScan | Odometry]:
-        """Yield the odometry and then the scan of each timestamp."""
+    def measurements(self) -> Iterator[LaserScan | Odometry | TurnRates]:
+        """Yield the gyro's readings since the last scan, the odometry and then the scan of each timestamp."""
+        done = 0
         for index, timestamp in enumerate(self.timestamps.tolist()):
+            if self.gyro is not None:
+                after = int(np.searchsorted(self.gyro.timestamps, timestamp, side="right"))
+                if after > done:
+                    yield self.gyro.part(done, after)
+                done = after
             yield Odometry(timestamp, self.T_odom_robot[index])
             yield self.scan(index)
 
@@ -93,7 +108,7 @@ def _swept(driven: Drive, laser: LaserModel) -> Array:
     """``(N, B, 3)`` poses of the laser at each beam, its x axis along the beam."""
     poses = driven.T_world_robot
     unwrapped = np.column_stack([poses[:, :2], np.unwrap(poses[:, 2])])
-    moments = driven.timestamps[:, None] + laser.time_increment * np.arange(laser.beams)
+    moments = driven.timestamps[:, None] + laser.moments
     at = np.minimum(moments, driven.timestamps[-1])
     moved = unwrapped if len(poses) < 2 else CubicSpline(driven.timestamps, unwrapped)(at)
     T_world_sensor = sensor_poses(np.broadcast_to(moved, (*moments.shape, 3)), laser)
@@ -101,10 +116,11 @@ def _swept(driven: Drive, laser: LaserModel) -> Array:
 
 
 def simulate(world: World, driven: Drive, laser: LaserModel, odometry: OdometryModel, seed: int, *,
-             people: int = 0, doors: bool = False) -> SimulatedLog:
+             people: int = 0, doors: bool = False, gyro: GyroModel | None = None) -> SimulatedLog:
     """Record what a robot measures on a drive; same arguments, same bytes.
 
-    Laser, odometry, people and doors have streams of noise of their own: changing one leaves the others as they are.
+    Laser, odometry, people, doors and gyro have streams of noise of their own: changing one leaves the others as
+    they are.
 
     Args:
         world: where the robot drives.
@@ -114,17 +130,18 @@ def simulate(world: World, driven: Drive, laser: LaserModel, odometry: OdometryM
         seed: of all noise.
         people: number of people who walk through the world.
         doors: whether the doors of the world open and close; otherwise there are none in its openings.
+        gyro: of an IMU, if the robot has one.
 
     Raises:
         InputError: an empty drive or a negative number of people.
     """
     if len(driven.timestamps) == 0 or people < 0:
         raise InputError("simulate: needs a drive of at least one pose and no negative number of people")
-    of_laser, of_odometry, of_people, of_doors = np.random.SeedSequence(seed).spawn(4)
+    of_laser, of_odometry, of_people, of_doors, of_gyro = np.random.SeedSequence(seed).spawn(5)
     poses = driven.T_world_robot
     T_world_sensor = sensor_poses(poses, laser)
     angles = laser.angles
-    if laser.sweep > 0.0:  # each beam is measured from a place of its own
+    if laser.sweep > 0.0 or laser.interlace > 0.0:  # each beam is measured from a place of its own
         T_world_sensor = _swept(driven, laser).reshape(-1, 3)
         angles = np.zeros(1)
     distances = cast_rays(world.segments, T_world_sensor, angles, laser.range_max + 1.0)
@@ -144,7 +161,11 @@ def simulate(world: World, driven: Drive, laser: LaserModel, odometry: OdometryM
     ranges = laser.measure(distances, np.random.default_rng(of_laser))
     seen = np.isfinite(ranges)
     count = len(driven.timestamps)
+    readings = None if gyro is None else gyro.measure(driven, np.random.default_rng(of_gyro))
+    used = Counter(scan=count, odometry=count)
+    if readings is not None:
+        used["gyro"] = len(readings.timestamps)
     return SimulatedLog(world, laser, driven.timestamps, poses,
                         odometry.reckon(poses, np.random.default_rng(of_odometry)), ranges,
                         (door | person) & seen, door & ~person & seen, share, Path(f"{world.name}-{seed}.simulated"),
-                        SimulationReport(used=Counter(scan=count, odometry=count)))
+                        SimulationReport(used=used), readings)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from clew.motion import OdometryNoise
+from clew.motion import GyroNoise, OdometryNoise
 from clew.place import ConsistencyOptions, VerificationOptions
 from clew.scan import AlignmentOptions, CleaningOptions
 
@@ -178,7 +178,7 @@ class SlamConfig:
     """All that can be set; the defaults are meant for every log.
 
     Attributes:
-        cleaning, odometry, tracking, closing, verification, consistency, pruning, refinement: the parts of the
+        cleaning, odometry, gyro, tracking, closing, verification, consistency, pruning, refinement: the parts of the
             pipeline.
         alignment: how returns are weighted wherever scans are aligned; closing and refining seek partners within
             radii of their own.
@@ -188,6 +188,7 @@ class SlamConfig:
 
     cleaning: CleaningOptions = field(default_factory=CleaningOptions)
     odometry: OdometryNoise = field(default_factory=OdometryNoise)
+    gyro: GyroNoise = field(default_factory=GyroNoise)
     tracking: TrackingOptions = field(default_factory=TrackingOptions)
     alignment: AlignmentOptions = field(default_factory=AlignmentOptions)
     closing: ClosingOptions = field(default_factory=ClosingOptions)

@@ -96,6 +96,11 @@ class KeyframeStore:
         return self._returns.rows
 
     @property
+    def T_local_robot(self) -> Array:
+        """``(K, 3)`` poses in the front end's own frame."""
+        return self._track.rows[:, :3]
+
+    @property
     def paths(self) -> Array:
         """``(K,)`` metres driven until each keyframe."""
         return self._track.rows[:, 3]

@@ -30,7 +30,8 @@ class Candidate:
         similarity: likeness of the descriptors.
         T_predicted: ``(3,)`` pose of the source seen from the anchor by the graph,
         covariance: ``(3, 3)`` and its covariance, in the source's tangent.
-        centre: ``(3,)`` middle of the search window: what is predicted, or the anchor itself if that says little,
+        centre: ``(3,)`` middle of the search window: what is predicted, or, if that says little, where the two see the
+            same: a laser that looks ahead sees a place from elsewhere on the way back.
         half_window: ``(3,)`` its half size, metres, metres, radians.
         is_doubted: whether the prediction is doubted, so that it is searched for beyond its covariance.
     """
@@ -105,7 +106,8 @@ def find_candidates(graph: PoseGraph, places: Places, query: Query, options: Clo
         if lost and any(np.hypot(*(poses[c.anchor, :2] - here)) < APART for c in candidates):
             continue
         T_predicted = se2.between(poses[chosen[i]], poses[query.source])
-        centre, half = _window(T_predicted, covariances[i], options)
+        same_view = places.view(int(chosen[i])) - se2.act(np.array([0.0, 0.0, T_predicted[2]]), query.view[None])[0]
+        centre, half = _window(T_predicted, same_view, covariances[i], options)
         candidates.append(Candidate(int(chosen[i]), float(alike[i]), T_predicted, covariances[i], centre, half))
     return candidates
 
@@ -118,11 +120,13 @@ def _uncertainty(
     return covariances, options.sigmas * np.sqrt(covariances[:, 0, 0] + covariances[:, 1, 1])
 
 
-def _window(T_predicted: Array, covariance: Array, options: ClosingOptions) -> tuple[Array, Array]:
+def _window(
+    T_predicted: Array, same_view: Array, covariance: Array, options: ClosingOptions
+) -> tuple[Array, Array]:
     """Middle and half size of the window."""
     sigma = np.sqrt(np.array([covariance[0, 0] + covariance[1, 1], covariance[2, 2]]))
     half = np.maximum(options.sigmas * sigma, options.window_floor)
     centre = T_predicted
     if half[0] > options.reach:  # the place itself is searched around, and others are candidates of their own
-        centre = np.array([0.0, 0.0, T_predicted[2]])
+        centre = np.append(same_view, T_predicted[2])
     return centre, np.array([min(half[0], options.reach), min(half[0], options.reach), min(half[1], np.pi)])

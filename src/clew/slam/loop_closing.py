@@ -16,9 +16,10 @@ from clew.slam.keyframes import KeyframeStore
 from clew.slam.loop_beliefs import Beliefs
 from clew.slam.loop_candidates import find_candidates
 from clew.slam.loop_matching import LoopMatcher
+from clew.slam.loop_sequences import SequenceMatcher
 from clew.slam.loop_uncertainty import way_covariance
 from clew.slam.places import Places
-from clew.slam.pose_graph import PoseGraph
+from clew.slam.pose_graph import LEAST_INFORMATION, PoseGraph
 from clew.slam.sensor import SensorModel
 
 Array = NDArray[np.float64]
@@ -44,6 +45,7 @@ class LoopCloser:
         self._config = config
         self._places = Places(keyframes, config)
         self._matcher = LoopMatcher(keyframes, self._places, config, sensor)
+        self._sequences = SequenceMatcher(keyframes, graph, self._places, config)
         self._beliefs = Beliefs(graph, config.closing.residual)
         self._waiting: list[Closure] = []
         self._dissent: list[Closure] = []  # sound, but they disagree with the graph
@@ -147,8 +149,16 @@ class LoopCloser:
             before = self._known()
             self.settle()
             self._catch_up(thorough=True)
+            self._match_sequences()
             if self._known() == before:
                 break
+
+    def _match_sequences(self) -> None:
+        """Make whole what is partial where several in a row are clear together."""
+        for closure in self._sequences.match(self._beliefs.held):
+            self._rejected.add(self._beliefs.add(closure))
+            self._pending += 1
+        self.settle()
 
     def _known(self) -> tuple[int, int]:
         """How many closures are believed, and how many of those that can be taken out are whole."""
@@ -333,7 +343,9 @@ class LoopCloser:
 def _unknown(best: Closure, rival: Closure) -> Array | None:
     """Covariance ``(3, 3)`` of what partial closures of one keyframe do not tell, so that they agree in the rest.
 
-    While the robot may be farther off, a partial one shows that a match along its line is not the only one.
+    While the robot may be farther off, a partial one shows that a match along its line is not the only one, unless
+    returns tell that one from all others there.
     """
-    partial = [np.linalg.inv(c.information) for c in (best, rival) if c.is_partial and best.is_certain]
+    knows = best.is_certain or best.within > 0.0
+    partial = [np.linalg.inv(c.information + LEAST_INFORMATION) for c in (best, rival) if c.is_partial and knows]
     return np.sum(partial, axis=0) if partial else None

@@ -65,7 +65,8 @@ class ScanMatcher:
         self._sensor = sensor
 
     def match(
-        self, local_map: LocalMap, points: ScanPoints, T_keyframe_last: Array, covariance: Array, prediction: Prediction
+        self, local_map: LocalMap, points: ScanPoints, T_keyframe_last: Array, covariance: Array,
+        prediction: Prediction, near: Array | None = None,
     ) -> Match:
         """Pose and covariance from the prediction and the returns; the prediction where they do not tell.
 
@@ -75,6 +76,7 @@ class ScanMatcher:
             T_keyframe_last: ``(3,)`` pose at the last matched scan,
             covariance: ``(3, 3)`` and its covariance.
             prediction: of the motion since.
+            near: ``(3,)`` pose that is known to be all but right; the search is left out.
         """
         transport = se2.adjoint(se2.inverse(prediction.increment))
         prior = transport @ covariance @ transport.T + prediction.covariance
@@ -83,14 +85,7 @@ class ScanMatcher:
         if len(points) < LEAST_POINTS:
             return unmatched
         options = self._config.tracking
-        sigmas = np.sqrt(np.diag(prior))
-        half = np.maximum(options.window_sigmas * sigmas, options.window_floor) + self._surprise(prediction)
-        half = np.minimum(half, options.window_ceiling)
-        coarse = correlate(
-            local_map.pyramid, merge_surfels(points, THINNING).points, predicted, half,
-            prior_sigmas=np.maximum(sigmas, options.prior_floor), prior_weight=options.prior_weight,
-        )  # fmt: skip
-        start = predicted if coarse is None else coarse.T_target_source
+        start = self._search(local_map, points, predicted, prior, prediction) if near is None else near
         precision = np.asarray(np.linalg.inv(prior), dtype=np.float64)
         prior_information = precision
         if np.linalg.norm(se2.between(predicted, start) / options.prior_floor) > ELSEWHERE:
@@ -110,6 +105,20 @@ class ScanMatcher:
         of_returns = np.asarray(gain @ found @ gain.T, dtype=np.float64)
         kept = np.asarray((np.eye(3) - gain) @ transport, dtype=np.float64)
         return Match(pose, found, T_returns, information, of_returns, kept)
+
+    def _search(
+        self, local_map: LocalMap, points: ScanPoints, predicted: Array, prior: Array, prediction: Prediction
+    ) -> Array:
+        """Where most returns lie on the map, about where the prediction has them."""
+        options = self._config.tracking
+        sigmas = np.sqrt(np.diag(prior))
+        half = np.maximum(options.window_sigmas * sigmas, options.window_floor) + self._surprise(prediction)
+        half = np.minimum(half, options.window_ceiling)
+        coarse = correlate(
+            local_map.pyramid, merge_surfels(points, THINNING).points, predicted, half,
+            prior_sigmas=np.maximum(sigmas, options.prior_floor), prior_weight=options.prior_weight,
+        )  # fmt: skip
+        return predicted if coarse is None else coarse.T_target_source
 
     @staticmethod
     def _surprise(prediction: Prediction) -> Array:

@@ -37,6 +37,11 @@ class Query:
     surfels: ScanPoints
     appearance: Array
 
+    @property
+    def view(self) -> Array:
+        """``(2,)`` middle of what is seen, in the frame of the source."""
+        return _view(self.surfels)
+
 
 class Places:
     """Submaps and descriptors of keyframes."""
@@ -47,6 +52,7 @@ class Places:
         self._submaps: OrderedDict[int, Submap] = OrderedDict()
         self._descriptor = TurnedRings()
         self._index = DescriptorIndex(self._descriptor)
+        self._views: dict[int, Array] = {}
 
     def query(self, source: int) -> Query:
         """What the robot saw on its way to a keyframe."""
@@ -93,14 +99,24 @@ class Places:
         if new:
             surfels = [self._keyframes.surfels(a, self._about(a), QUERY_VOXEL) for a in new]
             self._index.add(new, self._descriptor.describe(surfels))
+            self._views.update(zip(new, map(_view, surfels), strict=True))
         return self._index.similarities(anchors, appearance)
+
+    def view(self, anchor: int) -> Array:
+        """``(2,)`` middle of what is seen about an anchor whose likeness has been asked for, in its frame."""
+        return self._views[anchor]
 
     def forget(self, keyframes: list[int]) -> None:
         """Keyframes have been pruned: no more places of their own, but still part of the submaps that hold them."""
         for keyframe in keyframes:
             self._submaps.pop(keyframe, None)
+            self._views.pop(keyframe, None)
         self._index.remove([k for k in keyframes if k in self._index])
 
     def _about(self, anchor: int) -> NDArray[np.int64]:
         half = self._options.submap_keyframes
         return self._keyframes.between(anchor - half, anchor + half + 1)
+
+
+def _view(surfels: ScanPoints) -> Array:
+    return np.asarray(surfels.points.mean(axis=0)) if len(surfels) else np.zeros(2)

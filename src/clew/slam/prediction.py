@@ -7,7 +7,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from clew.geometry import se2
+from clew.geometry import se2, wrap
+from clew.motion import GyroHeading
+from clew.motion.calibration import FREEDOM
 from clew.slam.config import SlamConfig
 from clew.slam.sensor import SensorModel
 
@@ -21,6 +23,9 @@ SLACK = 0.02  # metres; and worse by this,
 TELLING = 0.5  # and whose mean error is no less than this share of the motion itself, is left aside
 SENSELESS = 0.4  # metres; of odometry with such a mean error nothing is expected
 SHOWN = 0.05  # metres and radians; predictions are compared where returns tell better than this
+TURN_SLACK = 0.01  # radians; a gyro that is `WORSE` than what else tells the turn, and by this, is left aside
+CONTRADICTION = 9.0  # squared deviations between gyro and odometry from which either may be what happened
+KNOWN_TURN = 0.03  # radians; a turn that is measured no better than this tells nothing about the gyro
 
 
 @dataclass(frozen=True)
@@ -30,7 +35,7 @@ class Prediction:
     Attributes:
         increment: ``(3,)`` expected,
         covariance: ``(3, 3)`` and how well.
-        by_odometry: whether odometry tells it, or the last velocity.
+        by_odometry: whether odometry tells it, or the last velocity; a gyro may tell the turn of either.
         alternatives: ``(A, 3)`` what may have happened instead: the robot stood while its wheels turned; or odometry
             that came late shows no motion first and then all of it at once.
     """
@@ -47,6 +52,9 @@ class MotionPredictor:
     Odometry that stands still, jumps or is noise is found out by its errors: both predictions are compared with every
     match, and with no motion at all. Only what returns tell counts: along a bare street each prediction confirms
     itself. There only odometry knows the way, however noisy, and the last velocity would be carried on for ever.
+
+    A gyro takes over the turn, as far as its noise and that of odometry say so, and unless its turns have proved worse
+    than those that would be predicted without it.
     """
 
     def __init__(self, config: SlamConfig, sensor: SensorModel) -> None:
@@ -60,6 +68,11 @@ class MotionPredictor:
         self._errors = np.zeros(3)  # mean error of odometry, of the last velocity and of no motion, metres
         self._compared = 0.0
         self._candidates: tuple[Array | None, Array] = (None, np.zeros(3))
+        self._heading: GyroHeading | None = None  # at the last matched scan,
+        self._keyframe_heading: GyroHeading | None = None  # at the last keyframe
+        self._turns: Array | None = None  # ``(2,)`` to be expected by the gyro, and without it,
+        self._turn_errors = np.zeros(2)  # their mean errors, radians,
+        self._turns_compared = 0.0  # and the matches that these go back
 
     @property
     def velocity(self) -> Array:
@@ -76,12 +89,28 @@ class MotionPredictor:
         """Whether odometry predicts: it is trusted, or at least tells much of the motion."""
         return self.trusts_odometry or bool(self._errors[0] <= TELLING * self._errors[2])
 
-    def start(self, timestamp: float, T_odom_robot: Array | None) -> None:
+    @property
+    def trusts_gyro(self) -> bool:
+        """Whether the gyro has told turns better than would be known without it, or not much worse."""
+        better = self._turn_errors[0] <= WORSE * self._turn_errors[1] + TURN_SLACK
+        return bool(better and self._sensor.gyro.turns_along)
+
+    def turn_rate(self, heading: GyroHeading | None) -> float | None:
+        """Radians a second at a moment, where a gyro tells it that is trusted and has been compared."""
+        gyro = self._sensor.gyro.quality
+        if heading is None or not gyro.steps or not self.trusts_gyro:
+            return None
+        return gyro.rate(heading.rate)
+
+    def start(self, timestamp: float, T_odom_robot: Array | None, heading: GyroHeading | None = None) -> None:
         """The first scan."""
         self._timestamp, self._T_odom_robot, self._T_odom_keyframe = timestamp, T_odom_robot, T_odom_robot
+        self._heading = self._keyframe_heading = heading
 
-    def predict(self, timestamp: float, T_odom_robot: Array | None) -> Prediction:
-        """Motion until a scan; `T_odom_robot` is None where there is no odometry."""
+    def predict(
+        self, timestamp: float, T_odom_robot: Array | None, heading: GyroHeading | None = None
+    ) -> Prediction:
+        """Motion until a scan; `T_odom_robot` and `heading` are None without odometry, and without a gyro."""
         options = self._config.tracking
         seconds = max(timestamp - self._timestamp, 1e-3)
         increment: Array | None = None
@@ -90,27 +119,78 @@ class MotionPredictor:
             increment = quality.correct(se2.between(self._T_odom_robot, T_odom_robot))
             if np.hypot(increment[0], increment[1]) > options.fastest * max(seconds, options.carry_on):
                 increment = None
-        self._candidates = (increment, self.by_velocity(timestamp).increment)
-        if increment is not None and self.follows_odometry:
-            return Prediction(increment, quality.covariance(increment), True, np.zeros((1, 3)))
+        told = None if heading is None else heading.since(self._heading)
+        by_velocity = self.by_velocity(timestamp, told)
+        if told is not None:
+            without = increment if increment is not None and self.follows_odometry else self._ahead(timestamp)
+            self._turns = np.array([self._sensor.gyro.quality.correct(told), without[2]])
+        else:
+            self._turns = None
+        by_odometry = None
+        if increment is not None:
+            alone = Prediction(increment, quality.covariance(increment), True, np.zeros((1, 3)))
+            by_odometry = self._turned(alone, told)
+            increment = by_odometry.increment
+        self._candidates = (increment, by_velocity.increment)
+        if by_odometry is not None and self.follows_odometry:
+            return by_odometry
         alternatives = np.zeros((1, 3))
         if increment is not None:
             if self._errors[0] < SENSELESS:
                 alternatives = np.stack([np.zeros(3), increment])
             self._sensor.unused_odometry += 1
-        return replace(self.by_velocity(timestamp), alternatives=alternatives)
+        return replace(by_velocity, alternatives=alternatives)
 
-    def by_velocity(self, timestamp: float) -> Prediction:
-        """Motion until a scan without odometry: the last velocity goes on for a moment."""
-        options = self._config.tracking
+    def by_velocity(self, timestamp: float, told: Array | None = None) -> Prediction:
+        """Motion until a scan without odometry: the last velocity goes on for a moment.
+
+        Args:
+            timestamp: of the scan.
+            told: ``(3,)`` what a gyro tells since the last matched scan, if there is one.
+        """
         seconds = max(timestamp - self._timestamp, 1e-3)
-        ahead = se2.exp(self._velocity * min(seconds, options.carry_on))
-        translation, rotation = (sigma * seconds for sigma in options.velocity_sigmas)
+        translation, rotation = (sigma * seconds for sigma in self._config.tracking.velocity_sigmas)
         covariance = np.diag([translation**2, translation**2, rotation**2])
-        return Prediction(ahead, covariance, False, np.zeros((1, 3)))
+        return self._turned(Prediction(self._ahead(timestamp), covariance, False, np.zeros((1, 3))), told)
 
-    def moved(self, timestamp: float, T_odom_robot: Array | None, moved: Array, information: Array) -> None:
+    def _ahead(self, timestamp: float) -> Array:
+        """``(3,)`` motion until a scan at the last velocity."""
+        seconds = max(timestamp - self._timestamp, 1e-3)
+        return np.asarray(se2.exp(self._velocity * min(seconds, self._config.tracking.carry_on)), dtype=np.float64)
+
+    def _turned(self, prediction: Prediction, told: Array | None) -> Prediction:
+        """A prediction whose turn is told by the gyro, too, each weighted by its variance.
+
+        Errors of odometry have heavy tails (wheels slip), those of a gyro have not: what contradicts the gyro is worth
+        less, as in Student's t distribution (Lange, Little, Taylor 1989). Before the gyro has been seen to turn with
+        the robot, it is worth as much less itself.
+        """
+        if told is None or not self.trusts_gyro:
+            return prediction
+        gyro = self._sensor.gyro.quality
+        variance, of_gyro = float(prediction.covariance[2, 2]), gyro.variance(told)
+        difference = float(wrap(gyro.correct(told) - prediction.increment[2]))
+        squared = difference**2 / (variance + of_gyro)
+        tail = (FREEDOM + squared) / (FREEDOM + 1.0) if squared > 1.0 else 1.0
+        variance *= tail
+        of_gyro *= 1.0 if self._sensor.gyro.proven else tail
+        share = variance / (variance + of_gyro)
+        twist = np.asarray(se2.log(prediction.increment), dtype=np.float64)
+        twist[2] += share * difference
+        covariance = prediction.covariance.copy()
+        covariance[2, 2] = share * of_gyro
+        alternatives = prediction.alternatives
+        if squared > CONTRADICTION:
+            alternatives = np.concatenate([alternatives, prediction.increment[None]])
+        return Prediction(np.asarray(se2.exp(twist)), covariance, prediction.by_odometry, alternatives)
+
+    def moved(
+        self, timestamp: float, T_odom_robot: Array | None, moved: Array, information: Array,
+        heading: GyroHeading | None = None,
+    ) -> None:  # fmt: skip
         """Take notice of how the robot moved ``(3,)`` since the last scan, and what returns tell of it ``(3, 3)``."""
+        self._compare_turns(float(moved[2]), information)
+        self._heading = heading
         seconds = timestamp - self._timestamp
         by_odometry, by_velocity = self._candidates
         least = float(np.linalg.eigvalsh(information)[0])
@@ -127,6 +207,17 @@ class MotionPredictor:
             self._seconds, self._moved = 0.0, np.zeros(3)
         self._timestamp, self._T_odom_robot = timestamp, T_odom_robot
 
+    def _compare_turns(self, turn: float, information: Array) -> None:
+        if self._turns is None:
+            return
+        if not self.trusts_gyro:
+            self._sensor.unused_gyro += 1
+        variance = float(np.linalg.inv(information + 1e-6 * np.eye(3))[2, 2])
+        weight = SHOWN**2 / (SHOWN**2 + variance)
+        self._turns_compared += weight
+        size = np.minimum(np.abs(wrap(self._turns - turn)), 0.5)
+        self._turn_errors += weight * (size - self._turn_errors) / min(max(self._turns_compared, 1.0), MEMORY)
+
     def velocity_to(self, timestamp: float, moved: Array) -> Array:
         """``(3,)`` body velocity, should the robot have moved ``(3,)`` since the last matched scan."""
         seconds = self._seconds + timestamp - self._timestamp
@@ -134,8 +225,16 @@ class MotionPredictor:
             return self._velocity
         return np.asarray(se2.log(se2.compose(self._moved, moved)) / seconds, dtype=np.float64)
 
-    def keyframe(self, T_odom_robot: Array | None, step: Array, information: Array) -> None:
+    def keyframe(
+        self, T_odom_robot: Array | None, step: Array, information: Array, heading: GyroHeading | None = None
+    ) -> None:
         """Learn from the step ``(3,)`` between two keyframes, measured with some information ``(3, 3)`` by returns."""
+        told = None if heading is None else heading.since(self._keyframe_heading)
+        if told is not None and information.any():
+            variance_turn = 2.0 * float(np.linalg.inv(information + np.eye(3))[2, 2])  # of both ends
+            known_turn = max(1.0 - variance_turn / KNOWN_TURN**2, 0.0)
+            self._sensor.gyro.add(told, float(step[2]), known_turn, variance_turn)
+        self._keyframe_heading = heading
         if T_odom_robot is not None and self._T_odom_keyframe is not None:
             increment = se2.between(self._T_odom_keyframe, T_odom_robot)
             assumed = np.diag(self._config.odometry.covariance(increment))

@@ -3,17 +3,37 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from clew.graph.growing import Growing
 from clew.mapping import moving_returns
-from clew.scan import CleaningOptions, LaserScan, ScanPoints, extract_points
+from clew.scan import BeamTimes, CleaningOptions, LaserScan, ScanPoints, deskew, extract_points
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class KeptScan:
+    """A scan as it was recorded.
+
+    Attributes:
+        number: of all scans.
+        scan: with the moments of its beams, where they are known.
+        velocity: ``(3,)`` body velocity of the robot meanwhile.
+    """
+
+    number: int
+    scan: LaserScan
+    velocity: Array
+
+    @property
+    def still(self) -> LaserScan:
+        """As it would have been measured all at once."""
+        return deskew(self.scan, self.velocity)
 
 
 class ScanStore:
@@ -32,15 +52,18 @@ class ScanStore:
         self._keyframes: Growing[np.int64] = Growing((), np.int64)
         self._T_keyframe_robot: Growing[np.float64] = Growing((3,), np.float64)
         self._T_odom_robot: Growing[np.float64] = Growing((3,), np.float64)
-        self._kept: dict[int, list[tuple[int, LaserScan]]] = {}  # by keyframe: number and scan
+        self._kept: dict[int, list[KeptScan]] = {}  # by keyframe
         self._stride: dict[int, int] = {}
         self._seen = 0  # scans of the newest keyframe
 
     def __len__(self) -> int:
         return len(self._timestamps)
 
-    def add(self, scan: LaserScan, keyframe: int, T_keyframe_robot: Array, T_odom_robot: Array | None) -> None:
-        """Append a scan, with its pose seen from a keyframe and, where it is known, by odometry."""
+    def add(
+        self, scan: LaserScan, keyframe: int, T_keyframe_robot: Array, T_odom_robot: Array | None, velocity: Array
+    ) -> None:
+        """Append a scan as it was recorded, with its pose seen from a keyframe and, where it is known, by odometry, and
+        the body velocity ``(3,)`` meanwhile."""
         number = len(self)
         self._timestamps.extend(1)[:] = scan.timestamp
         self._keyframes.extend(1)[:] = keyframe
@@ -52,7 +75,8 @@ class ScanStore:
         stride = self._stride.get(keyframe, 1)
         if (self._seen - 1) % stride:
             return
-        kept.append((number, replace(scan, ranges=np.asarray(scan.ranges, dtype=np.float32), intensities=None)))
+        single = replace(scan, ranges=np.asarray(scan.ranges, dtype=np.float32), intensities=None)
+        kept.append(KeptScan(number, single, velocity))
         if len(kept) > self._most:
             self._kept[keyframe] = kept[::2]
             self._stride[keyframe] = 2 * stride
@@ -83,25 +107,37 @@ class ScanStore:
         return self._T_odom_robot.rows
 
     def still_returns(
-        self, keyframes: Index, clouds: Sequence[ScanPoints], T_world_robot: Array, cleaning: CleaningOptions
+        self, keyframes: Index, clouds: Sequence[ScanPoints] | None, T_world_robot: Array, cleaning: CleaningOptions
     ) -> list[ScanPoints]:
         """Returns of keyframes without those from things that moved, by what the keyframes saw of their places.
 
         Args:
             keyframes: ``(K,)`` numbers of keyframes that are kept.
-            clouds: their returns,
+            clouds: their returns, None to make them anew,
             T_world_robot: ``(K, 3)`` and poses.
             cleaning: how returns are made of scans.
         """
-        scans = [self._kept[int(k)][0][1] for k in keyframes]  # the first of each became the keyframe
-        still = list(clouds)
+        scans = [kept.still for kept in self.of_keyframes(keyframes)]
+        still = [extract_points(scan, cleaning) for scan in scans] if clouds is None else list(clouds)
         for row, moved in enumerate(moving_returns(scans, T_world_robot)):
             if moved.any():
                 ranges = np.where(moved, np.nan, scans[row].ranges).astype(np.float64)
                 still[row] = extract_points(replace(scans[row], ranges=ranges), cleaning)
         return still
 
+    def of_keyframes(self, keyframes: Index) -> list[KeptScan]:
+        """The scans that became keyframes."""
+        return [self._kept[int(k)][0] for k in keyframes]
+
+    def retime(self, times: BeamTimes, velocities: Array) -> None:
+        """Give all scans moments of their beams, and body velocities ``(N, 3)``."""
+        for key, all_kept in self._kept.items():
+            self._kept[key] = [
+                replace(kept, scan=times.of(kept.scan), velocity=velocities[kept.number])
+                for kept in all_kept
+            ]
+
     def kept(self) -> tuple[Index, list[LaserScan]]:
-        """Numbers ``(S,)`` and scans that the map is made of, in the order of time."""
-        pairs = [pair for key in sorted(self._kept) for pair in self._kept[key]]
-        return np.array([number for number, _ in pairs], dtype=np.int64), [scan for _, scan in pairs]
+        """Numbers ``(S,)`` and scans that the map is made of, in the order of time, without motion within them."""
+        all_kept = [kept for key in sorted(self._kept) for kept in self._kept[key]]
+        return np.array([kept.number for kept in all_kept], dtype=np.int64), [kept.still for kept in all_kept]

@@ -8,8 +8,8 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from clew.motion import OdometryCalibration
-from clew.scan import AlignmentOptions, LaserScan, collinearity_residuals, robust_deviation
+from clew.motion import GyroCalibration, OdometryCalibration
+from clew.scan import AlignmentOptions, BeamTimes, LaserScan, collinearity_residuals, robust_deviation
 from clew.slam.config import SlamConfig
 
 Array = NDArray[np.float64]
@@ -31,10 +31,16 @@ class SensorModel:
 
     Attributes:
         odometry: noise and systematic errors of the odometry.
+        gyro: noise, bias and scale of the gyro.
+        tells_beam_times: whether the log tells when the beams of a scan are measured,
+        beam_times: and as found from scans where it does not.
     """
 
     def __init__(self, config: SlamConfig) -> None:
         self.odometry = OdometryCalibration(config.odometry)
+        self.gyro = GyroCalibration(config.gyro)
+        self.tells_beam_times = False
+        self.beam_times = BeamTimes()
         self._residuals: deque[Array] = deque(maxlen=NOISE_SCANS)
         self._alignment = config.alignment
         self._cleaning = config.cleaning
@@ -49,6 +55,7 @@ class SensorModel:
         self._longest: list[float] = []
         self._sweep = 0.0
         self.unused_odometry = 0  # matches predicted without it, since it told less than the last velocity
+        self.unused_gyro = 0  # and without the gyro, since it told turns worse than what else does
 
     @property
     def range_noise(self) -> float:
@@ -90,19 +97,24 @@ class SensorModel:
             self._gaps.append(scan.timestamp - self._last)
         self._last = scan.timestamp
         self._scans += 1
+        self.tells_beam_times |= scan.is_sweep
         if self._scans > FIRST_SCANS and self._scans % EVERY:
             return
         self._beams[(len(scan.ranges), round(abs(scan.angle_increment), 8))] += 1
         met = (scan.ranges >= scan.range_min) & (scan.ranges <= scan.range_max)
         self._returns += np.array([np.count_nonzero(met), len(met)], dtype=np.float64)
         self._longest.append(float(scan.ranges[met].max()) if met.any() else 0.0)
-        self._sweep = max(self._sweep, scan.time_increment * len(scan.ranges))
+        self._sweep = max(self._sweep, scan.span[1])
         self._residuals.append(collinearity_residuals(scan))
         # Often at first; later it hardly changes.
         if self._scans <= FIRST_SCANS or self._scans % (10 * EVERY) == 0:
             noise = robust_deviation(np.concatenate(list(self._residuals)))
             if np.isfinite(noise):
                 self._noise = noise
+
+    def timed(self, scan: LaserScan) -> LaserScan:
+        """A scan with the moments of its beams, as far as they are told or have been found."""
+        return scan if scan.is_sweep else self.beam_times.of(scan)
 
     def matched(self, rms: float) -> None:
         """Take notice of the residual of a match, metres."""
@@ -119,7 +131,7 @@ class SensorModel:
             "angular_resolution_deg": round(float(np.degrees(increment)), 4),
             "field_of_view_deg": round(float(np.degrees(increment * (beams - 1))), 2),
             "scans_per_second": round(1.0 / max(float(np.mean(self._gaps)), 1e-6), 2) if self._gaps else None,
-            "sweep_seconds": round(self._sweep, 4),
+            **self._timing(),
             "range_noise_m": round(self.range_noise, 4),
             "return_deviation_m": round(self.return_deviation, 4),
             "longest_return_m": round(float(np.quantile(self._longest, 0.98)), 2),
@@ -129,12 +141,27 @@ class SensorModel:
         out: dict[str, object] = {"laser": laser}
         if quality.steps:
             out["odometry"] = {**quality.to_dict(), "matches_without_it": self.unused_odometry}
+        if self.gyro.quality.steps:
+            out["gyro"] = {**self.gyro.quality.to_dict(), "matches_without_it": self.unused_gyro}
         if warnings := self._doubts():
             out["doubts"] = warnings
         return out
 
+    def _timing(self) -> dict[str, object]:
+        """How long a scan takes, and who says so."""
+        found = self.beam_times
+        if self.tells_beam_times or not found:
+            source = "log" if self.tells_beam_times else None
+            return {"sweep_seconds": round(self._sweep, 5), "sweep_known_from": source}
+        numbers = {
+            "sweep_seconds": found.sweep, "sweep_deviation_seconds": found.sweep_deviation,
+            "interlace_seconds": found.interlace, "interlace_deviation_seconds": found.interlace_deviation,
+        }  # fmt: skip
+        rounded = {name: round(value, 5) if np.isfinite(value) else None for name, value in numbers.items()}
+        return {**rounded, "sweep_known_from": "scans"}
+
     def _doubts(self) -> list[str]:
-        """What looks wrong about the laser's place on the robot, in words."""
+        """What looks wrong about the sensors' places on the robot, in words."""
         quality = self.odometry.quality
         askew, beside = float(quality.bias[1, 0]), quality.bias[:2, 1]
         doubts = []
@@ -144,4 +171,11 @@ class SensorModel:
             doubts.append(
                 f"the laser seems mounted {100 * float(np.hypot(*beside)):.0f} cm off from where the log says"
             )
+        slope = 1.0 if self.gyro.slope is None else self.gyro.slope
+        if slope < -0.5:
+            doubts.append("the gyro turns the other way: the IMU seems mounted upside down, and no transform says so")
+        elif 40.0 < slope < 80.0:
+            doubts.append("the gyro seems to tell degrees a second; rates should be radians a second")
+        elif not self.gyro.turns_along:
+            doubts.append("the gyro does not turn as the robot does: it is broken, or lies about another axis")
         return doubts

@@ -12,7 +12,7 @@ from clew.errors import InputError
 from clew.geometry import SE2, se2
 from clew.graph import FactorGraph
 from clew.mapping import OccupancyGrid, build_occupancy_grid, moving_returns
-from clew.motion import Odometry, OdometryBuffer
+from clew.motion import GyroBuffer, Odometry, OdometryBuffer, TurnRates, body_velocities
 from clew.place import Closure
 from clew.scan import LaserScan
 from clew.slam.config import SlamConfig
@@ -23,6 +23,7 @@ from clew.slam.pruning import Pruned, Pruner
 from clew.slam.refine import refine
 from clew.slam.scans import ScanStore
 from clew.slam.sensor import SensorModel
+from clew.slam.timing import SHARE_OF_A_LOOK, beam_times_of, look_now
 from clew.slam.tracking import Tracker
 from clew.slam.viewer import GuardedViewer, NullViewer, Viewer
 from clew.solve import Solution, optimize
@@ -47,7 +48,7 @@ class Trajectory:
 
 
 class Slam:
-    """Takes odometry and scans as they come, and tells pose, trajectory, graph and map at any moment.
+    """Takes odometry, turn rates and scans as they come, and tells pose, trajectory, graph and map at any moment.
 
     The world's frame is where the robot stood at the first scan. ::
 
@@ -69,6 +70,7 @@ class Slam:
         self.config = config or SlamConfig()
         self._use_odometry = use_odometry
         self._odometry = OdometryBuffer()
+        self._gyro = GyroBuffer()
         self._keyframes = KeyframeStore()
         self._sensor = SensorModel(self.config)
         self._tracker = Tracker(self._keyframes, self.config, self._sensor)
@@ -82,10 +84,12 @@ class Slam:
 
     # --- measurements in --------------------------------------------------------------------------------------------
 
-    def add(self, measurement: LaserScan | Odometry) -> None:
-        """Take a measurement of either kind."""
+    def add(self, measurement: LaserScan | Odometry | TurnRates) -> None:
+        """Take a measurement of any kind."""
         if isinstance(measurement, Odometry):
             self.add_odometry(measurement)
+        elif isinstance(measurement, TurnRates):
+            self.add_turn_rates(measurement)
         else:
             self.add_scan(measurement)
 
@@ -102,6 +106,20 @@ class Slam:
                 "finite numbers: leave it out"
             )
         self._odometry.add(odometry)
+
+    def add_turn_rates(self, readings: TurnRates) -> None:
+        """Take readings of a gyro; they come in the order of time.
+
+        Raises:
+            InputError: timestamps and rates are no finite numbers ``(n,)``.
+        """
+        times, rates = np.asarray(readings.timestamps), np.asarray(readings.rates)
+        if times.ndim != 1 or times.shape != rates.shape or not np.isfinite([times, rates]).all():
+            raise InputError(
+                f"turn rates: timestamps {times.shape} and rates {rates.shape} are no finite numbers (n,): "
+                "leave them out"
+            )
+        self._gyro.add(readings)
 
     def add_scan(self, scan: LaserScan) -> SE2:
         """Take a scan; returns the pose of the robot at it, ``T_world_robot``.
@@ -123,16 +141,30 @@ class Slam:
                 "(Slam(use_odometry=False), clew run --no-odometry)"
             )
         self._sensor.see(scan)
-        tracked = self._tracker.track(scan, T_odom_robot, self._velocity(scan, T_odom_robot))
-        self._scans.add(tracked.scan, tracked.keyframe, tracked.T_keyframe_robot, T_odom_robot)
+        scan = self._sensor.timed(scan)
+        heading = self._gyro.at(scan.timestamp)
+        tracked = self._tracker.track(scan, T_odom_robot, self._velocity(scan, T_odom_robot), heading)
+        self._scans.add(scan, tracked.keyframe, tracked.T_keyframe_robot, T_odom_robot, tracked.velocity)
         self._last_scan = tracked.scan
         self._refined = None
         if tracked.is_keyframe:
             self._pose_graph.add_keyframe(self._keyframes[tracked.keyframe])
             self._closer.attempt(self._pruner.crowded(tracked.keyframe))
             self._prune()
+            if look_now(len(self._keyframes)) and not (self._sensor.tells_beam_times or self._sensor.beam_times):
+                self._look_for_beam_times()
         self._viewer.update(self)
         return self.pose
+
+    def _look_for_beam_times(self) -> None:
+        """Find the moments of the beams, for the scans to come."""
+        numbers = self._keyframes.alive
+        kept = self._scans.of_keyframes(numbers)
+        local = se2.compose(self._keyframes.T_local_robot[self._scans.keyframes], self._scans.T_keyframe_robot)
+        self._sensor.beam_times = beam_times_of(
+            self._scans.timestamps, local, np.array([k.number for k in kept]), [k.scan for k in kept],
+            self.config.cleaning, SHARE_OF_A_LOOK,
+        )  # fmt: skip
 
     def _prune(self) -> None:
         """Take out keyframes that say nothing new."""
@@ -142,7 +174,10 @@ class Slam:
             self._scans.forget(keyframe)
 
     def _velocity(self, scan: LaserScan, T_odom_robot: Array | None) -> Array | None:
-        """``(3,)`` body velocity during the sweep of a scan, where odometry tells it."""
+        """``(3,)`` body velocity during the sweep of a scan, where odometry tells it.
+
+        During one so short that its time had to be found from scans the match knows it better.
+        """
         sweep = scan.time_increment * len(scan.ranges)
         if sweep <= 0.0 or T_odom_robot is None or not self._tracker.trusts_odometry:
             return None
@@ -171,12 +206,26 @@ class Slam:
             progress(0, self.config.refinement.rounds)
         self.optimise()
         numbers = self._keyframes.alive
-        clouds = self._scans.still_returns(
-            numbers, self._keyframes.clouds(numbers), self._pose_graph.poses[numbers], self.config.cleaning
-        )
+        known = None if self._retime(numbers) else self._keyframes.clouds(numbers)
+        clouds = self._scans.still_returns(numbers, known, self._pose_graph.poses[numbers], self.config.cleaning)
         self._refined = refine(clouds, numbers, self._pose_graph.graph, self.config, self._sensor, progress, stop)
         self._pose_graph.set_poses(np.asarray(self._refined.values(SE2).array))
         self._viewer.moved(self)
+
+    def _retime(self, numbers: NDArray[np.int64]) -> bool:
+        """Find the moments of the beams again, with the whole trajectory and scans of some keyframes; whether motion
+        within scans is now taken out otherwise than it was."""
+        if self._sensor.tells_beam_times:
+            return False
+        kept = self._scans.of_keyframes(numbers)
+        stamps, poses = self._scans.timestamps, self.trajectory.T_world_robot
+        before, rows = self._sensor.beam_times, np.array([k.number for k in kept])
+        found = beam_times_of(stamps, poses, rows, [k.scan for k in kept], self.config.cleaning, start=before)
+        if not before and not found:
+            return False
+        self._sensor.beam_times = found
+        self._scans.retime(found, body_velocities(stamps, poses).velocity)
+        return True
 
     # --- answers out ------------------------------------------------------------------------------------------------
 

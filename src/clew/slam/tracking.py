@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from clew.geometry import se2
+from clew.motion import GyroHeading
 from clew.scan import LaserScan, ScanPoints, deskew, extract_points
 from clew.slam.config import SlamConfig
 from clew.slam.keyframes import Keyframe, KeyframeStore
@@ -26,6 +27,7 @@ SWEEP_ROUNDS = 3  # matches at most that find pose and motion during the sweep t
 SWEEP_SHARE = 0.6  # by so much of the difference at a time,
 SWEEP_STEADY = 0.002  # until what is still to be moved in a sweep is less, metres, and a hundredth of a radian for 5 m
 SWEEP_LEVER = 5.0  # metres
+SWEEP_BLUR = 0.01  # metres; as `SWEEP_STEADY`, about the middle of a scan, where the pose hardly depends on the motion
 
 
 @dataclass(frozen=True)
@@ -36,7 +38,8 @@ class TrackedScan:
         keyframe: index of the keyframe that the pose is relative to.
         T_keyframe_robot: ``(3,)``.
         is_keyframe: whether the scan became that keyframe.
-        scan: as it would have been measured all at once, at its timestamp.
+        scan: as it would have been measured all at once, at its timestamp,
+        velocity: ``(3,)`` and the body velocity that was taken out of it.
         covariance: ``(3, 3)`` of the pose seen from the keyframe that it was tracked against, in its own tangent.
     """
 
@@ -44,6 +47,7 @@ class TrackedScan:
     T_keyframe_robot: Array
     is_keyframe: bool
     scan: LaserScan
+    velocity: Array
     covariance: Array
 
 
@@ -73,71 +77,86 @@ class Tracker:
         """Whether odometry predicts better than the last velocity."""
         return self._predictor.trusts_odometry
 
-    def track(self, scan: LaserScan, T_odom_robot: Array | None, velocity: Array | None = None) -> TrackedScan:
+    def track(
+        self, scan: LaserScan, T_odom_robot: Array | None, velocity: Array | None = None,
+        heading: GyroHeading | None = None,
+    ) -> TrackedScan:  # fmt: skip
         """Pose of the robot at a scan, and the scan without the robot's motion during its sweep.
 
         Args:
-            scan: as it was recorded.
+            scan: as it was recorded, with the moments of its beams where they are known.
             T_odom_robot: ``(3,)``, None where there is no odometry.
             velocity: ``(3,)`` body velocity during the sweep by odometry; without it the match tells.
+            heading: by a gyro, None where there is none.
         """
-        still = deskew(scan, self._predictor.velocity if velocity is None else velocity)
+        rate = self._predictor.turn_rate(heading)
         if self._map is None:
-            return self._first(still, T_odom_robot)
-        prediction = self._predictor.predict(scan.timestamp, T_odom_robot)
+            during = _at_rate(np.zeros(3) if velocity is None else velocity, rate)
+            return self._first(deskew(scan, during), T_odom_robot, heading, during)
+        prediction = self._predictor.predict(scan.timestamp, T_odom_robot, heading)
         increment = prediction.increment
+        during = self._predictor.velocity_to(scan.timestamp, increment) if velocity is None else velocity
+        during = _at_rate(during, rate)
+        still = deskew(scan, during)
         if prediction.by_odometry and self._stands(increment, scan.timestamp) and not self._looks_elsewhere(still):
             predicted = se2.compose(self._T_keyframe_robot, increment)
-            return TrackedScan(len(self._keyframes) - 1, predicted, False, still, self._carried_on(prediction))
+            carried = self._carried_on(prediction)
+            return TrackedScan(len(self._keyframes) - 1, predicted, False, still, during, carried)
         points = extract_points(still, self._config.cleaning)
         match = self._match(points, prediction)
         if prediction.by_odometry and not match.matched:  # odometry may be what misleads
             again = self._match(points, self._predictor.by_velocity(scan.timestamp))
             match = again if again.matched else match
-        if velocity is None and scan.time_increment > 0.0:
-            still, points, match = self._match_sweep(scan, still, points, match, prediction)
+        if velocity is None and scan.is_sweep:
+            still, points, match, during = self._match_sweep(scan, still, points, match, prediction, during, rate)
         moved = se2.between(self._T_keyframe_robot, match.pose)
-        self._predictor.moved(scan.timestamp, T_odom_robot, moved, match.information)
+        self._predictor.moved(scan.timestamp, T_odom_robot, moved, match.information, heading)
         self._T_keyframe_robot, self._covariance, self._scan = match.pose, match.covariance, still
         self._kept = match.kept @ self._kept
         covariance = self._step_covariance()
         if self._starts_keyframe(scan.timestamp):
-            self._predictor.keyframe(T_odom_robot, match.T_returns, match.information)
+            self._predictor.keyframe(T_odom_robot, match.T_returns, match.information, heading)
             index = self._add_keyframe(still, points, match.of_returns)
-            return TrackedScan(index, np.zeros(3), True, still, covariance)
-        return TrackedScan(len(self._keyframes) - 1, match.pose, False, still, covariance)
+            return TrackedScan(index, np.zeros(3), True, still, during, covariance)
+        return TrackedScan(len(self._keyframes) - 1, match.pose, False, still, during, covariance)
 
     def _match_sweep(
-        self, scan: LaserScan, still: LaserScan, points: ScanPoints, match: Match, prediction: Prediction
-    ) -> tuple[LaserScan, ScanPoints, Match]:
+        self, scan: LaserScan, still: LaserScan, points: ScanPoints, match: Match, prediction: Prediction,
+        velocity: Array, rate: float | None,
+    ) -> tuple[LaserScan, ScanPoints, Match, Array]:  # fmt: skip
         """Pose and motion during the sweep that agree with each other.
 
         A velocity that is too large takes too much motion out of the scan, so that its match lies too far back, by up
         to the whole sweep, and the next velocity is too small by as much and more: the error would grow from scan to
         scan. The velocity that leads to this very pose does not have that (an implicit step in place of an explicit
-        one).
+        one). A gyro tells the turn beforehand. Where the timestamp is the middle of the scan, the pose hardly depends
+        on the velocity.
         """
-        sweep = scan.time_increment * len(scan.ranges)
-        velocity = self._predictor.velocity
+        first, last = scan.span
+        sweep, share, least = last - first, SWEEP_SHARE, SWEEP_STEADY
+        if scan.moments is not None:
+            sweep, share, least = 0.5 * sweep, 1.0, SWEEP_BLUR
         for _ in range(SWEEP_ROUNDS):
             if not match.matched:
                 break
             found = self._predictor.velocity_to(scan.timestamp, se2.between(self._T_keyframe_robot, match.pose))
-            change = SWEEP_SHARE * (found - velocity)
+            change = share * (_at_rate(found, rate) - velocity)
             velocity = velocity + change
             still = deskew(scan, velocity)
-            if sweep * (np.hypot(change[0], change[1]) + SWEEP_LEVER * abs(change[2])) < SWEEP_STEADY:
+            if sweep * (np.hypot(change[0], change[1]) + SWEEP_LEVER * abs(change[2])) < least:
                 break
             points = extract_points(still, self._config.cleaning)
-            match = self._match(points, prediction)
-        return still, points, match
+            match = self._match(points, prediction, None if scan.moments is None else match.pose)
+        return still, points, match, velocity
 
-    def _first(self, scan: LaserScan, T_odom_robot: Array | None) -> TrackedScan:
-        self._predictor.start(scan.timestamp, T_odom_robot)
+    def _first(
+        self, scan: LaserScan, T_odom_robot: Array | None, heading: GyroHeading | None, velocity: Array
+    ) -> TrackedScan:
+        self._predictor.start(scan.timestamp, T_odom_robot, heading)
         points = extract_points(scan, self._config.cleaning)
         self._scan = scan
         index = self._add_keyframe(scan, points, np.zeros((3, 3)))
-        return TrackedScan(index, np.zeros(3), True, scan, np.zeros((3, 3)))
+        return TrackedScan(index, np.zeros(3), True, scan, velocity, np.zeros((3, 3)))
 
     def _stands(self, increment: Array, timestamp: float) -> bool:
         """Whether the robot has hardly moved since the last matched scan, as odometry has it.
@@ -161,9 +180,9 @@ class Tracker:
         limit = CHANGE_SIGMAS * self._sensor.range_noise + self._config.tracking.still_distance
         return bool(np.count_nonzero(change > limit) > CHANGED_SHARE * max(len(change), 1))
 
-    def _match(self, points: ScanPoints, prediction: Prediction) -> Match:
+    def _match(self, points: ScanPoints, prediction: Prediction, near: Array | None = None) -> Match:
         assert self._map is not None
-        return self._matcher.match(self._map, points, self._T_keyframe_robot, self._covariance, prediction)
+        return self._matcher.match(self._map, points, self._T_keyframe_robot, self._covariance, prediction, near)
 
     def _step_covariance(self) -> Array:
         """``(3, 3)`` of the pose seen from the last keyframe, in its own tangent.
@@ -207,3 +226,8 @@ class Tracker:
         self._T_keyframe_robot, self._covariance, self._kept = np.zeros(3), of_returns, np.eye(3)
         self._map = self._maps.build(index)
         return index
+
+
+def _at_rate(velocity: Array, rate: float | None) -> Array:
+    """A body velocity ``(3,)`` whose turn is the one that a gyro tells, if one does."""
+    return velocity if rate is None else np.array([velocity[0], velocity[1], rate])

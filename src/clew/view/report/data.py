@@ -116,6 +116,8 @@ def _closure(closure: Closure) -> dict[str, object]:
         "rival": _number(closure.rival),
         "distance": _number(closure.distance),
         "supporters": closure.supporters,
+        "telling": closure.telling,
+        "within": _number(closure.within),
     }
 
 

@@ -61,7 +61,7 @@ def report_of_run(
     rank = {"check": 0, "know": 1, "good": 2}
     notes.sort(key=lambda note: rank[note.level])
     return Report(title, "run", _lead(slam, grid, graph, truth), notes, scene,
-                  [_log_section(health, skipped, slip, scene), replace(graph.section, tables=[
+                  [_log_section(health, skipped, slip, scene, _gyro(slam)), replace(graph.section, tables=[
                       _verdicts(closures), *graph.section.tables])])
 
 
@@ -188,14 +188,27 @@ def _span(event: Array, scene: Scene) -> Focus:
 # --- the section about the log ------------------------------------------------------------------------------------
 
 
+def _gyro(slam: Slam) -> list[tuple[str, str]]:
+    """What the gyro was found to be worth."""
+    gyro = slam.sensor.get("gyro")
+    if not isinstance(gyro, dict):
+        return []
+    names = ("bias_rad_per_second", "bias_deviation_rad_per_second", "noise_rad_per_sqrt_second")
+    bias, sure, noise = (np.degrees(gyro[name]) for name in names)
+    aside = gyro["matches_without_it"]
+    return [("Gyro against the map", f"bias {bias:+.2f}° a second (± {sure:.2g}), off by {noise:.2g}° after a second, "
+             f"{100 * gyro['scale_error']:+.2g} % in turns, stamped {1000 * gyro['stamped_late_seconds']:.0f} ms late; "
+             + (f"left aside at {counted(aside, 'scan')}" if aside else "used at every scan"))]
+
+
 def _log_section(health: LogHealth | None, skipped: Mapping[str, int], slip: OdometrySlip | None,
-                 scene: Scene) -> Section:
+                 scene: Scene, gyro: list[tuple[str, str]]) -> Section:
     facts: list[tuple[str, str]] = []
     gaps: list[tuple[float, tuple[str, ...]]] = []
     if health is not None:
         laser = health.laser
         begin = health.scans.first
-        for stream in (health.scans, health.odometry):
+        for stream in (health.scans, health.odometry, None if health.gyro is None else health.gyro.stream):
             if stream is not None:
                 facts.append((capital(stream.name)[:-1], f"{stream.count:,} records, {stream.rate:.1f} a second"))
                 gaps += _interruptions(stream, begin)
@@ -207,6 +220,7 @@ def _log_section(health: LogHealth | None, skipped: Mapping[str, int], slip: Odo
             facts.append(("Way by odometry", metres(health.distance)))
         gaps += [(time, (f"{time - begin:.1f} s", "odometry", "jump", metres(length)))
                  for time, length in _longest(health.jumps)]
+    facts += gyro
     facts.append(("Left out", listed([f"{n:,} × {reason}" for reason, n in skipped.items()]) or "nothing"))
     tables = [] if health is None else [Table(
         "Gaps and clock jumps", ("at", "sensor", "what", "size"), [row for _, row in gaps],
