@@ -5,6 +5,7 @@
 
 #include "mapping/looks.hpp"
 #include "mapping/raycast.hpp"
+#include "mapping/visibility.hpp"
 #include "module.hpp"
 
 namespace clew {
@@ -59,6 +60,24 @@ mapping::Looks checked(const PoseArray& poses, const IndexArray& offsets, const 
     return {poses.data(), offsets.data(), first_angle.data(), increment.data(), range.data(), moment.data(), scans};
 }
 
+// As above, with the clear length of each beam.
+mapping::Views checked(const PoseArray& poses, const IndexArray& offsets, const ValueArray& first_angle,
+                       const ValueArray& increment, const ValueArray& range, const ValueArray& clear) {
+    const std::size_t views = poses.shape(0);
+    if (first_angle.shape(0) != views || increment.shape(0) != views) {
+        throw std::invalid_argument("angles and increments must be as many as poses");
+    }
+    if (range.shape(0) != clear.shape(0)) throw std::invalid_argument("range and clear must be of one length");
+    if (offsets.shape(0) != views + 1 || offsets(0) != 0 || offsets(views) != static_cast<std::int64_t>(range.shape(0))) {
+        throw std::invalid_argument("offsets must run from 0 to the number of beams");
+    }
+    for (std::size_t v = 0; v < views; ++v) {
+        if (offsets(v) > offsets(v + 1)) throw std::invalid_argument("offsets must not decrease");
+        if (increment(v) == 0.0) throw std::invalid_argument("increments must not be zero");
+    }
+    return {poses.data(), offsets.data(), first_angle.data(), increment.data(), range.data(), clear.data(), views};
+}
+
 }  // namespace
 
 void bind_mapping(nb::module_ m) {
@@ -98,25 +117,65 @@ void bind_mapping(nb::module_ m) {
     m.def(
         "count_looks",
         [](PoseArray poses, IndexArray offsets, ValueArray first_angle, ValueArray increment, ValueArray range,
-           MomentArray moment, double resolution, double reach, double free_range, double width, double margin) {
+           MomentArray moment, double resolution, double reach, double free_range, double width, double margin,
+           double sure) {
             const mapping::Looks looks = checked(poses, offsets, first_angle, increment, range, moment);
             if (!(resolution > 0.0) || !(reach >= 0.0 && reach / resolution < 1e8) || !(free_range >= 0.0) ||
-                !(width >= 0.0) || !(margin >= 0.0)) {
+                !(width >= 0.0) || !(margin >= 0.0) || !(sure >= 0.0)) {
                 throw std::invalid_argument("resolution must be positive, lengths not negative, reach finite");
             }
-            std::vector<double> clear(range.shape(0));
-            std::vector<std::int32_t> hits(range.shape(0)), misses(range.shape(0));
+            const std::size_t beams = range.shape(0);
+            std::vector<double> clear(beams);
+            std::vector<std::int32_t> hits(beams), misses(beams), changes(beams);
+            std::vector<std::uint8_t> seen_last(beams), both_ways(beams);
             {
                 nb::gil_scoped_release release;
-                const mapping::LookOptions options{resolution, reach, free_range, width, margin};
+                const mapping::LookOptions options{resolution, reach, free_range, width, margin, sure};
                 mapping::clear_lengths(looks, options, clear.data());
-                mapping::count_looks(looks, options, clear.data(), hits.data(), misses.data());
+                mapping::count_looks(looks, options, clear.data(),
+                                     {hits.data(), misses.data(), changes.data(), seen_last.data(), both_ways.data()});
             }
-            return nb::make_tuple(owned(std::move(clear)), owned(std::move(hits)), owned(std::move(misses)));
+            return nb::make_tuple(owned(std::move(clear)), owned(std::move(hits)), owned(std::move(misses)),
+                                  owned(std::move(changes)), owned(std::move(seen_last)), owned(std::move(both_ways)));
         },
         nb::arg("T_world_sensor").noconvert(), nb::arg("offsets").noconvert(), nb::arg("first_angle").noconvert(),
         nb::arg("increment").noconvert(), nb::arg("range").noconvert(), nb::arg("moment").noconvert(),
-        nb::arg("resolution"), nb::arg("reach"), nb::arg("free_range"), nb::arg("width"), nb::arg("margin"));
+        nb::arg("resolution"), nb::arg("reach"), nb::arg("free_range"), nb::arg("width"), nb::arg("margin"),
+        nb::arg("sure"));
+    m.def(
+        "clear_lengths",
+        [](PoseArray poses, IndexArray offsets, ValueArray first_angle, ValueArray increment, ValueArray range,
+           MomentArray moment, double reach, double free_range, double width, double margin) {
+            const mapping::Looks looks = checked(poses, offsets, first_angle, increment, range, moment);
+            if (!(reach >= 0.0) || !(free_range >= 0.0) || !(width >= 0.0) || !(margin >= 0.0)) {
+                throw std::invalid_argument("lengths must not be negative");
+            }
+            std::vector<double> clear(range.shape(0));
+            {
+                nb::gil_scoped_release release;
+                mapping::clear_lengths(looks, {1.0, reach, free_range, width, margin, 0.0}, clear.data());
+            }
+            return owned(std::move(clear));
+        },
+        nb::arg("T_world_sensor").noconvert(), nb::arg("offsets").noconvert(), nb::arg("first_angle").noconvert(),
+        nb::arg("increment").noconvert(), nb::arg("range").noconvert(), nb::arg("moment").noconvert(),
+        nb::arg("reach"), nb::arg("free_range"), nb::arg("width"), nb::arg("margin"));
+    m.def(
+        "see",
+        [](PoseArray poses, IndexArray offsets, ValueArray first_angle, ValueArray increment, ValueArray range,
+           ValueArray clear, PointArray points, double slack) {
+            const mapping::Views views = checked(poses, offsets, first_angle, increment, range, clear);
+            const std::size_t count = points.shape(0);
+            std::vector<std::int32_t> seen(count), through(count);
+            {
+                nb::gil_scoped_release release;
+                mapping::see(views, points.data(), count, slack, seen.data(), through.data());
+            }
+            return nb::make_tuple(owned(std::move(seen)), owned(std::move(through)));
+        },
+        nb::arg("T_sensor_points").noconvert(), nb::arg("offsets").noconvert(), nb::arg("first_angle").noconvert(),
+        nb::arg("increment").noconvert(), nb::arg("range").noconvert(), nb::arg("clear").noconvert(),
+        nb::arg("points").noconvert(), nb::arg("slack"));
 }
 
 }  // namespace clew

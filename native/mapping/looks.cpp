@@ -5,6 +5,7 @@
 #include <cmath>
 #include <limits>
 #include <memory>
+#include <numbers>
 #include <unordered_map>
 #include <vector>
 
@@ -18,6 +19,9 @@ constexpr std::int64_t side = 1 << side_bits;
 struct Count {
     std::uint16_t hits = 0, misses = 0;
     std::int32_t hit_moment = -1, miss_moment = -1;  // the last ones that were counted
+    std::uint16_t changes = 0;                        // from seen to seen through and back
+    std::uint16_t hit_sides = 0, miss_sides = 0;      // directions of rays, a bit for each sixteenth of a turn
+    bool was_hit = false;                             // the last time
 };
 
 using Tile = std::array<Count, side * side>;
@@ -54,19 +58,33 @@ void raise(std::uint16_t& count) {
 
 std::int64_t cell_of(double v) { return static_cast<std::int64_t>(std::floor(v)); }
 
-void add_hit(TiledGrid& grid, double x, double y, std::int32_t moment) {
+void note(Count& count, bool is_hit) {
+    if (count.was_hit != is_hit && count.hits + count.misses > 0) raise(count.changes);
+    count.was_hit = is_hit;
+}
+
+std::uint16_t side_of(double angle) {
+    constexpr double sides = 16;
+    const double turns = angle / (2 * std::numbers::pi);
+    return static_cast<std::uint16_t>(1U << static_cast<unsigned>((turns - std::floor(turns)) * (sides - 1e-9)));
+}
+
+void add_hit(TiledGrid& grid, double x, double y, std::uint16_t side, std::int32_t moment) {
     const std::int64_t col = cell_of(x), row = cell_of(y);
     for (std::int64_t dr = -1; dr <= 1; ++dr) {
         for (std::int64_t dc = -1; dc <= 1; ++dc) {
             Count& count = grid.at(col + dc, row + dr);
+            count.hit_sides |= side;
             if (count.hit_moment == moment) continue;
+            note(count, true);
             count.hit_moment = moment;
             raise(count.hits);
         }
     }
 }
 
-void add_misses(TiledGrid& grid, double x0, double y0, double x1, double y1, std::int32_t moment) {
+void add_misses(TiledGrid& grid, double x0, double y0, double x1, double y1, std::uint16_t side,
+                std::int32_t moment) {
     // Exact traversal (Amanatides & Woo, Eurographics 1987) with a number of steps that is known beforehand.
     const double infinity = std::numeric_limits<double>::infinity();
     const double dx = x1 - x0, dy = y1 - y0;
@@ -78,7 +96,9 @@ void add_misses(TiledGrid& grid, double x0, double y0, double x1, double y1, std
     double next_y = dy != 0 ? (dy > 0 ? std::floor(y0) + 1 - y0 : y0 - std::floor(y0)) * per_y : infinity;
     while (true) {
         Count& count = grid.at(col, row);
+        count.miss_sides |= side;
         if (count.miss_moment != moment) {
+            note(count, false);
             count.miss_moment = moment;
             raise(count.misses);
         }
@@ -132,8 +152,7 @@ void clear_lengths(const Looks& looks, const LookOptions& o, double* clear) {
     }
 }
 
-void count_looks(const Looks& looks, const LookOptions& o, const double* clear, std::int32_t* hits,
-                 std::int32_t* misses) {
+void count_looks(const Looks& looks, const LookOptions& o, const double* clear, const Tally& tally) {
     TiledGrid grid;
     const double scale = 1.0 / o.resolution;
     const auto each_beam = [&](const auto& visit) {
@@ -142,22 +161,28 @@ void count_looks(const Looks& looks, const LookOptions& o, const double* clear, 
             const std::int64_t begin = looks.offsets[s];
             for (std::int64_t b = begin; b < looks.offsets[s + 1]; ++b) {
                 const double angle = pose[2] + looks.first_angle[s] + static_cast<double>(b - begin) * looks.increment[s];
-                visit(s, b, pose[0] * scale, pose[1] * scale, std::cos(angle) * scale, std::sin(angle) * scale);
+                visit(s, b, pose[0] * scale, pose[1] * scale, angle, std::cos(angle) * scale, std::sin(angle) * scale);
             }
         }
     };
-    each_beam([&](std::size_t s, std::int64_t b, double x, double y, double dx, double dy) {
+    each_beam([&](std::size_t s, std::int64_t b, double x, double y, double angle, double dx, double dy) {
         const double range = looks.range[b], to = clear[b];
-        if (range <= o.reach) add_hit(grid, x + range * dx, y + range * dy, looks.moment[s]);
+        const std::uint16_t side = std::isfinite(range) ? side_of(angle) : 0;
+        if (range <= o.reach) add_hit(grid, x + range * dx, y + range * dy, side, looks.moment[s]);
         const double from = o.resolution * beginning(b - looks.offsets[s], looks.increment[s]);
-        if (from < to) add_misses(grid, x + from * dx, y + from * dy, x + to * dx, y + to * dy, looks.moment[s]);
+        const double near = std::clamp(to, from, std::max(from, o.sure));
+        if (from < near) add_misses(grid, x + from * dx, y + from * dy, x + near * dx, y + near * dy, side, looks.moment[s]);
+        if (near < to) add_misses(grid, x + near * dx, y + near * dy, x + to * dx, y + to * dy, 0, looks.moment[s]);
     });
-    each_beam([&](std::size_t, std::int64_t b, double x, double y, double dx, double dy) {
-        hits[b] = misses[b] = 0;
-        if (!(looks.range[b] <= o.reach)) return;
-        const Count& count = grid.at(cell_of(x + looks.range[b] * dx), cell_of(y + looks.range[b] * dy));
-        hits[b] = count.hits;
-        misses[b] = count.misses;
+    each_beam([&](std::size_t, std::int64_t b, double x, double y, double, double dx, double dy) {
+        Count none;
+        const double range = looks.range[b];
+        const Count& count = range <= o.reach ? grid.at(cell_of(x + range * dx), cell_of(y + range * dy)) : none;
+        tally.hits[b] = count.hits;
+        tally.misses[b] = count.misses;
+        tally.changes[b] = count.changes;
+        tally.seen_last[b] = count.was_hit ? 1 : 0;
+        tally.both_ways[b] = (count.hit_sides & count.miss_sides) != 0 ? 1 : 0;
     });
 }
 

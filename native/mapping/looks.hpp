@@ -23,6 +23,7 @@ struct LookOptions {
     double free_range;  // longest free ray of a beam without return, metres
     double width;       // a ray must pass other returns of its scan at this distance, metres,
     double margin;      // and says nothing about what is nearer than this before a return, metres
+    double sure;        // farther away the heading is not sure enough to say which of two things a ray met, metres
 };
 
 // `clear` (beams): how far each beam is trusted to have seen through, metres. That is as far as neither its own return
@@ -31,9 +32,16 @@ struct LookOptions {
 // the nearest returns on either side.
 void clear_lengths(const Looks& looks, const LookOptions& options, double* clear);
 
-// For every return: at how many moments something was seen in its cell or one beside it, and at how many its cell
-// was seen through. Both are zero for beams without return.
-void count_looks(const Looks& looks, const LookOptions& options, const double* clear, std::int32_t* hits,
-                 std::int32_t* misses);
+// What the looks at the place of every return add up to (beams); all zero for beams without return.
+struct Tally {
+    std::int32_t* hits;       // moments at which something was seen in its cell or one beside it,
+    std::int32_t* misses;     // and at which its cell was seen through;
+    std::int32_t* changes;    // how often the one followed the other,
+    std::uint8_t* seen_last;  // whether a hit was the last of them,
+    std::uint8_t* both_ways;  // and whether there were both along rays of one direction, to a sixteenth of a turn. What
+                              // is seen through counts here up to `sure`, by beams that ended somewhere
+};
+
+void count_looks(const Looks& looks, const LookOptions& options, const double* clear, const Tally& tally);
 
 }  // namespace clew::mapping

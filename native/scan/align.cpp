@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <vector>
 
 namespace clew::scan {
 
@@ -21,6 +22,11 @@ struct Normal {
         h[3] += w * jy * jy; h[4] += w * jy * jt; h[5] += w * jt * jt;
         g[0] += w * jx * r; g[1] += w * jy * r; g[2] += w * jt * r;
     }
+};
+
+// What a return adds to the gradient: its weighted residual times its Jacobian.
+struct Score {
+    double value = 0, weight = 0, j[3] = {0, 0, 0};
 };
 
 std::int32_t nearest(const PointIndexView& t, double x, double y, double nx, double ny, double facing, double radius) {
@@ -50,7 +56,8 @@ std::int32_t nearest(const PointIndexView& t, double x, double y, double nx, dou
 }
 
 Normal linearise(const PointIndexView& target, const double* points, const double* normals, const double* weights,
-                 std::size_t n, std::size_t stride, const Pose& pose, double radius, const AlignOptions& o) {
+                 std::size_t n, std::size_t stride, const Pose& pose, double radius, const AlignOptions& o,
+                 Score* scores = nullptr) {
     Normal out;
     const double c = std::cos(pose.theta), s = std::sin(pose.theta);
     const double precision = 1.0 / (o.sigma * o.sigma), scale2 = o.robust * o.robust * o.sigma * o.sigma;
@@ -75,6 +82,7 @@ Normal linearise(const PointIndexView& target, const double* points, const doubl
         }
         out.weight += w;
         out.squares += w * r * r;
+        if (scores) scores[i] = {w * r, w, {jx, jy, -jx * py + jy * px}};
         ++out.partners;
     }
     return out;
@@ -114,6 +122,37 @@ void add_prior(Normal& normal, const Pose& pose, const Pose& prior, const double
         for (int a = 0; a < 3; ++a) normal.g[b] += jac[a][b] * oe[a];
 }
 
+// Covariance of the gradient from the residuals: products of the parts of returns that lie near each other along the
+// scan (Newey and West, Econometrica 1987; their lags are metres here).
+void find_push(const std::vector<Score>& scores, const double* points, const AlignOptions& o, AlignResult& out) {
+    const double length = o.correlated, unit = 1.0 / (o.sigma * o.sigma * o.sigma * o.sigma);
+    double weights = 0, own = 0, together = 0;
+    for (std::size_t i = 0; i < scores.size(); ++i) {
+        const Score& here = scores[i];
+        if (here.weight == 0) continue;
+        double beside[3] = {0, 0, 0}, next = 0;
+        for (std::size_t j = i + 1; j < scores.size(); ++j) {
+            const double dx = points[2 * j] - points[2 * i], dy = points[2 * j + 1] - points[2 * i + 1];
+            const double squared = dx * dx + dy * dy;
+            if (squared >= length * length) break;
+            const double part = (1.0 - std::sqrt(squared) / length) * scores[j].value;
+            for (int a = 0; a < 3; ++a) beside[a] += part * scores[j].j[a];
+            next += part;
+        }
+        weights += here.weight * here.weight;
+        own += here.value * here.value;
+        together += here.value * (here.value + 2.0 * next);
+        for (int a = 0; a < 3; ++a)
+            for (int b = 0; b < 3; ++b) {
+                const double square = here.j[a] * here.j[b];
+                out.push[3 * a + b] += unit * here.value * (here.value * square + here.j[a] * beside[b] + beside[a] * here.j[b]);
+                out.spread[3 * a + b] += unit * here.weight * here.weight * square;
+            }
+    }
+    out.correlation = own > 0 ? std::max(together, 0.0) / own : 1.0;
+    out.variance = weights > 0 ? std::max(together, 0.0) / weights : 0.0;
+}
+
 }  // namespace
 
 AlignResult align(const PointIndexView& target, const double* points, const double* normals, const double* weights,
@@ -142,8 +181,10 @@ AlignResult align(const PointIndexView& target, const double* points, const doub
         if (last_radius && small) break;
         radius = small ? o.radius_end : std::max(o.radius_end, 0.6 * radius);
     }
-    const Normal data = linearise(target, points, normals, weights, n, 1, pose, o.radius_end, o);
-    AlignResult out;
+    std::vector<Score> scores(o.correlated > 0 ? n : 0);
+    const Normal data = linearise(target, points, normals, weights, n, 1, pose, o.radius_end, o,
+                                  scores.empty() ? nullptr : scores.data());
+    AlignResult out{};
     out.pose = pose;
     const double* h = data.h;
     const double full[9] = {h[0], h[1], h[2], h[1], h[3], h[4], h[2], h[4], h[5]};
@@ -152,6 +193,7 @@ AlignResult align(const PointIndexView& target, const double* points, const doub
     solve3(data.h, b, out.step);
     out.overlap = n ? static_cast<double>(data.partners) / static_cast<double>(n) : 0.0;
     out.rms = data.weight > 0 ? std::sqrt(data.squares / data.weight) : 0.0;
+    find_push(scores, points, o, out);
     out.iterations = iteration;
     return out;
 }

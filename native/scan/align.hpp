@@ -15,6 +15,7 @@ struct AlignOptions {
     double robust;         // Cauchy scale in sigmas
     double facing;         // least cosine between the two normals of a correspondence
     std::int32_t iterations;
+    double correlated;     // metres; returns next to each other within it may have errors in common; 0: no push is found
 };
 
 struct AlignResult {
@@ -23,6 +24,10 @@ struct AlignResult {
     double step[3];          // Gauss-Newton step that the data alone ask for at `pose`
     double overlap;          // share of the source's points with a partner within radius_end
     double rms;              // metres; weighted residual along the normals
+    double correlation;      // sum of the residuals' autocorrelation along the scan; one of independent ones
+    double variance;         // metres^2; of a return, with what it has in common with its neighbours
+    double push[9];          // covariance of the gradient at `pose` by the residuals, row-major,
+    double spread[9];        // and were they independent with a variance of one square metre
     std::int32_t iterations;
 };
 

@@ -164,7 +164,7 @@ nb::tuple align_(const Rows2& target_points, const Rows2& target_normals, const 
                  const Rows3& T_start, const Rows3& T_prior,
                  const nb::ndarray<const double, nb::shape<-1, 3, 3>, nb::c_contig, nb::device::cpu>& prior_information,
                  double radius_start, double radius_end, double sigma, double robust, double facing,
-                 std::int32_t iterations, int threads) {
+                 std::int32_t iterations, double correlated, int threads) {
     const auto clouds = static_cast<std::int64_t>(origins.shape(0));
     const auto sources = static_cast<std::int64_t>(offsets.shape(0)) - 1;
     const std::size_t m = pairs.shape(0), targets_n = target_points.shape(0);
@@ -180,6 +180,7 @@ nb::tuple align_(const Rows2& target_points, const Rows2& target_normals, const 
             "align: one start and one prior a pair");
     require(radius_start >= radius_end && radius_end > 0 && sigma > 0 && robust > 0 && iterations > 0,
             "align: radii, sigma, robust and iterations must be positive");
+    require(correlated >= 0 && std::isfinite(correlated), "align: the length of correlation must not be negative");
     require(target_offsets.data()[clouds] == static_cast<std::int64_t>(targets_n) && target_offsets.data()[0] == 0 &&
                 starts_offsets.data()[0] == 0 && std::is_sorted(target_offsets.data(), target_offsets.data() + clouds + 1) &&
                 std::is_sorted(starts_offsets.data(), starts_offsets.data() + clouds + 1) &&
@@ -198,8 +199,9 @@ nb::tuple align_(const Rows2& target_points, const Rows2& target_normals, const 
         require(pairs.data()[2 * k] >= 0 && pairs.data()[2 * k] < clouds && pairs.data()[2 * k + 1] >= 0 &&
                     pairs.data()[2 * k + 1] < sources, "align: a pair names a cloud that does not exist");
 
-    std::vector<double> poses(3 * m), information(9 * m), steps(3 * m), overlap(m), rms(m);
-    const AlignOptions options{radius_start, radius_end, sigma, robust, facing, iterations};
+    std::vector<double> poses(3 * m), information(9 * m), steps(3 * m), overlap(m), rms(m), correlation(m), variance(m),
+        push(9 * m), spread(9 * m);
+    const AlignOptions options{radius_start, radius_end, sigma, robust, facing, iterations, correlated};
     const auto work = [&](std::size_t first, std::size_t last) {
         for (std::size_t k = first; k < last; ++k) {
             const std::int32_t a = pairs.data()[2 * k], b = pairs.data()[2 * k + 1];
@@ -218,6 +220,10 @@ nb::tuple align_(const Rows2& target_points, const Rows2& target_normals, const 
             std::copy(r.step, r.step + 3, steps.begin() + static_cast<std::ptrdiff_t>(3 * k));
             overlap[k] = r.overlap;
             rms[k] = r.rms;
+            correlation[k] = r.correlation;
+            variance[k] = r.variance;
+            std::copy(r.push, r.push + 9, push.begin() + static_cast<std::ptrdiff_t>(9 * k));
+            std::copy(r.spread, r.spread + 9, spread.begin() + static_cast<std::ptrdiff_t>(9 * k));
         }
     };
     {
@@ -229,7 +235,9 @@ nb::tuple align_(const Rows2& target_points, const Rows2& target_normals, const 
         for (auto& helper : helpers) helper.join();
     }
     return nb::make_tuple(own(std::move(poses), {m, 3}), own(std::move(information), {m, 3, 3}), own(std::move(steps), {m, 3}),
-                          own(std::move(overlap), {m}), own(std::move(rms), {m}));
+                          own(std::move(overlap), {m}), own(std::move(rms), {m}),
+                          own(std::move(correlation), {m}), own(std::move(variance), {m}),
+                          own(std::move(push), {m, 3, 3}), own(std::move(spread), {m, 3, 3}));
 }
 
 }  // namespace

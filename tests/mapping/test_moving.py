@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -56,8 +57,8 @@ def random_looks(seed: int) -> tuple[Array, NDArray[np.int64], Array, Array, Arr
 @pytest.mark.parametrize("seed", range(5))
 def test_clear_lengths_against_the_twin(seed: int) -> None:
     poses, offsets, first, increment, ranges, moment = random_looks(seed)
-    clear, _, _ = _native.mapping.count_looks(poses, offsets, first, increment, ranges, moment,
-                                              0.05, 5.0, 3.0, 0.15, 0.2)
+    clear, *_ = _native.mapping.count_looks(poses, offsets, first, increment, ranges, moment,
+                                            0.05, 5.0, 3.0, 0.15, 0.2, 8.0)
     for s in range(len(poses)):
         part = slice(offsets[s], offsets[s + 1])
         np.testing.assert_allclose(clear[part], clear_twin(ranges[part], increment[s], 5.0, 3.0, 0.15, 0.2))
@@ -67,33 +68,43 @@ def test_clear_lengths_against_the_twin(seed: int) -> None:
 def test_counts_against_the_twin(seed: int) -> None:
     """Cells are found by fine sampling of rays; a cell that a ray merely touches at a corner may be missed by it."""
     poses, offsets, first, increment, ranges, moment = random_looks(seed)
-    size, reach = 0.3, 5.0
-    clear, hits, misses = _native.mapping.count_looks(poses, offsets, first, increment, ranges, moment,
-                                                      size, reach, 3.0, 0.15, 0.2)
+    size, reach, sure = 0.3, 5.0, 2.0
+    clear, hits, misses, changes, seen_last, both_ways = _native.mapping.count_looks(
+        poses, offsets, first, increment, ranges, moment, size, reach, 3.0, 0.15, 0.2, sure)
     scan = np.repeat(np.arange(len(poses)), np.diff(offsets))
     angle = poses[scan, 2] + first[scan] + (np.arange(len(ranges)) - offsets[scan]) * increment[scan]
     direction = np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    side = np.floor(angle / (2 * np.pi) % 1.0 * 16).astype(int)
     is_return = ranges <= reach
     ends = poses[scan, :2] + np.where(is_return, ranges, 0.0)[:, None] * direction
     cells = np.floor(ends / size)
-    seen: dict[tuple[float, float], set[int]] = {}
-    through: dict[tuple[float, float], set[int]] = {}
+    events: dict[tuple[float, float], list[tuple[bool, int, int]]] = {}
     for b in range(len(ranges)):
         if is_return[b]:
             for dx in (-1, 0, 1):
                 for dy in (-1, 0, 1):
-                    seen.setdefault((cells[b, 0] + dx, cells[b, 1] + dy), set()).add(int(moment[scan[b]]))
+                    events.setdefault((cells[b, 0] + dx, cells[b, 1] + dy), []).append((True, moment[scan[b]], side[b]))
         if clear[b] > 0:
             along = np.linspace(0.0, clear[b], 4000)[:, None]
             for cell in np.unique(np.floor((poses[scan[b], :2] + along * direction[b]) / size), axis=0):
-                through.setdefault((cell[0], cell[1]), set()).add(int(moment[scan[b]]))
-    places = [(c[0], c[1]) if r else None for c, r in zip(cells.tolist(), is_return, strict=True)]
-    expected_hits = [0 if place is None else len(seen[place]) for place in places]
-    expected_misses = [0 if place is None else len(through.get(place, ())) for place in places]
-    np.testing.assert_array_equal(hits, expected_hits)
-    # Near the sensor every second, fourth, ... ray does for all; hence a few cells more or less there.
-    assert np.mean(misses != expected_misses) < 0.05
-    assert sum(expected_misses) > 50
+                is_near = np.hypot(*((cell + 0.5) * size - poses[scan[b], :2])) < sure
+                events.setdefault((cell[0], cell[1]), []).append(
+                    (False, moment[scan[b]], side[b] if is_near and np.isfinite(ranges[b]) else -1))
+    expected = np.zeros((len(ranges), 5), dtype=np.int64)
+    for b in np.flatnonzero(is_return):
+        mine = events[cells[b, 0], cells[b, 1]]
+        looks = list(dict.fromkeys((hit, when) for hit, when, _ in mine))  # the first of each kind in each moment
+        sides = [{s for hit, _, s in mine if hit == kind} for kind in (True, False)]
+        kinds = [hit for hit, _ in looks]
+        expected[b] = (sum(kinds), len(kinds) - sum(kinds), sum(x != y for x, y in pairwise(kinds)),
+                       kinds[-1], bool(sides[0] & sides[1]))
+    np.testing.assert_array_equal(hits, expected[:, 0])
+    # Near the sensor every second, fourth, ... ray does for all; hence a few cells more or less there, and at `sure`.
+    for got, row in ((misses, 1), (changes, 2), (seen_last, 3), (both_ways, 4)):
+        assert np.mean(got != expected[:, row]) < 0.06
+    assert expected[:, 1].sum() > 50
+    assert expected[:, 2].sum() > 50
+    assert 0 < expected[:, 4].sum() < is_return.sum()
 
 
 # --- simulated worlds with truth ------------------------------------------------------------------------------------
@@ -126,27 +137,63 @@ def test_an_empty_building_stays_whole() -> None:
     assert masks_of(log, noisy(log.T_world_robot)).sum() / np.isfinite(log.ranges).sum() < 0.005
 
 
-def corridor_with_door(closed_share: float) -> tuple[list[LaserScan], Array, NDArray[np.bool_]]:
-    """A laser that looks at a door 4 m ahead between walls, and at a wall 9 m behind it while it is open."""
+def look_at_a_door(closed: NDArray[np.bool_]) -> tuple[list[LaserScan], Array, NDArray[np.bool_]]:
+    """A laser that looks at a door 4 m ahead between walls, and at a wall 9 m behind it while it is open.
+
+    Args:
+        closed: ``(N,)`` or ``(N, 101)`` whether the door is, second by second, for each beam.
+    """
     angles = np.linspace(-0.5, 0.5, 101)
     scans, truth = [], []
-    for i in range(100):
+    for i, now in enumerate(closed):
         across = 4.0 * np.tan(angles)
-        closed = i % 20 < 20 * closed_share
         in_door = np.abs(across) < 0.6
-        ranges = np.where(in_door & ~np.bool_(closed), 9.0, 4.0) / np.cos(angles)
+        ranges = np.where(in_door & ~now, 9.0, 4.0) / np.cos(angles)
         scans.append(LaserScan(float(i), ranges, -0.5, 0.01, 0.1, 30.0))
-        truth.append(in_door & closed & (np.abs(across) < 0.3))
-    return scans, np.zeros((100, 3)), np.array(truth)
+        truth.append(in_door & now & (np.abs(across) < 0.3))
+    return scans, np.zeros((len(closed), 3)), np.array(truth)
 
 
-def test_a_door_is_what_it_is_mostly() -> None:
-    scans, poses, leaf = corridor_with_door(closed_share=0.2)
+def corridor_with_door(closed_share: float) -> tuple[list[LaserScan], Array, NDArray[np.bool_]]:
+    """A door that closes and opens every 20 s."""
+    return look_at_a_door(np.arange(100) % 20 < 20 * closed_share)
+
+
+@pytest.mark.parametrize("closed_share", [0.2, 0.5, 0.8])
+def test_a_door_that_opens_and_closes_moves(closed_share: float) -> None:
+    scans, poses, leaf = corridor_with_door(closed_share)
     found = np.stack(moving_returns(scans, poses))
     assert found[leaf].all()
     assert not found[~leaf & (np.abs(np.tan(scans[0].angles) * 4.0) > 0.8)].any()  # the wall beside it
-    scans, poses, leaf = corridor_with_door(closed_share=0.8)
+
+
+def test_what_is_only_missed_now_and_then_stays() -> None:
+    """A grating: each beam goes through by chance, in one look out of three."""
+    rng = np.random.default_rng(1)
+    scans, poses, leaf = look_at_a_door(rng.random((100, 101)) > 0.33)
+    assert np.stack(moving_returns(scans, poses))[leaf].mean() < 0.02
+
+
+def test_what_was_brought_once_stays_and_what_was_taken_away_goes() -> None:
+    brought = np.arange(100) >= 40
+    scans, poses, leaf = look_at_a_door(brought)
     assert not np.stack(moving_returns(scans, poses))[leaf].any()
+    scans, poses, leaf = look_at_a_door(~brought)
+    assert np.stack(moving_returns(scans, poses))[leaf].all()
+
+
+def test_what_lets_rays_of_other_directions_through_stays() -> None:
+    """Glass reflects rays that meet it head on: it is seen from one place, and seen through from another."""
+    ahead, _, leaf = look_at_a_door(np.ones(20, np.bool_))
+    angles = np.linspace(0.8, 1.2, 81)
+    aside = [LaserScan(100.0 + i, np.full(81, 12.0), 0.8, 0.005, 0.1, 30.0) for i in range(20)]
+    poses = np.zeros((40, 3))
+    poses[20:, :2] = [2.0, -3.5]
+    assert abs(np.arctan2(3.5, 2.0) - angles.mean()) < 0.1
+    assert not moving_returns([*ahead, *aside], poses)[0][leaf[0]].any()
+    glass = np.stack([np.where(leaf[0], 9.0, 4.0)] * 20)  # now from the first place, too
+    again = [LaserScan(200.0 + i, ranges, -0.5, 0.01, 0.1, 30.0) for i, ranges in enumerate(glass)]
+    assert moving_returns([*ahead, *again], poses * 0.0)[0][leaf[0]].any()
 
 
 def test_standing_still_gives_no_say_beyond_its_moments() -> None:
@@ -199,7 +246,7 @@ def test_masks_that_do_not_fit_are_refused() -> None:
 
 def test_bad_native_input_is_refused() -> None:
     poses, offsets, first, increment, ranges, moment = random_looks(0)
-    good = (poses, offsets, first, increment, ranges, moment, 0.05, 5.0, 3.0, 0.1, 0.2)
+    good = (poses, offsets, first, increment, ranges, moment, 0.05, 5.0, 3.0, 0.1, 0.2, 8.0)
     for index, bad in ((1, offsets + 1), (2, first[:-1]), (5, moment - 9), (6, 0.0), (7, np.inf), (9, -1.0)):
         with pytest.raises(ValueError, match="must"):
             _native.mapping.count_looks(*good[:index], bad, *good[index + 1:])

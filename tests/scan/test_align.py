@@ -17,6 +17,7 @@ from clew.scan import (
     index_cloud,
     join,
     merge_surfels,
+    slope_share,
     with_new_partners,
 )
 from clew.sim.world import pillar
@@ -64,6 +65,84 @@ def test_information_and_step_are_those_of_the_linearised_cost(seed: int) -> Non
     np.testing.assert_allclose(out.step[0], -np.linalg.solve(hessian, gradient), rtol=1e-5, atol=1e-7)
     assert out.overlap[0] == overlap > 0.1
     assert out.rms[0] == pytest.approx(rms)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_the_push_of_the_residuals_is_that_of_its_definition(seed: int) -> None:
+    """Against plain sums over pairs of returns; the first one too far from a return ends its neighbours."""
+    rng = np.random.default_rng(seed)
+    target, source = random_cloud(rng, 150), random_cloud(rng, 60)
+    o = AlignmentOptions(radius_start=0.5, radius_end=0.5, sigma=0.1, iterations=3, correlated=2.0)
+    out = single(target, source, rng.uniform(-0.5, 0.5, 3), options=o)
+    pose = out.T_target_source[0]
+    partner = twins.partners(target, source, pose, o.radius_end, o.facing)
+    found = np.flatnonzero(partner >= 0)
+    part = ScanPoints(*(getattr(source, name)[found] for name in ("points", "normals", "along", "weights")))
+    across, step = len(found), 1e-6
+
+    def residual(delta: Array) -> Array:
+        return twins.residuals(target, part, se2.retract(pose, delta), partner[found])[0]
+
+    e = residual(np.zeros(3))
+    jacobian = np.stack([(residual(step * d) - residual(-step * d)) / (2 * step) for d in np.eye(3)], axis=1)
+    weights = part.weights / (1 + e**2 / (o.robust * o.sigma) ** 2)
+    near = np.eye(across)
+    for i in range(across):
+        distances = np.hypot(*(source.points[found[i] :] - source.points[found[i]]).T)
+        apart = np.hypot(*(part.points - part.points[i]).T)
+        ends = np.flatnonzero(distances >= o.correlated)
+        last = int(np.searchsorted(found, found[i] + ends[0])) if len(ends) else across
+        near[i, i + 1 : last] = near[i + 1 : last, i] = 1 - apart[i + 1 : last] / o.correlated
+    score = weights * e
+    parts = score[:, None] * jacobian / o.sigma**2
+    np.testing.assert_allclose(out.push[0], parts.T @ near @ parts, rtol=1e-5, atol=1e-6 * np.abs(out.push[0]).max())
+    spread = (weights[:, None] * jacobian / o.sigma**2).T @ (weights[:, None] * jacobian / o.sigma**2)
+    np.testing.assert_allclose(out.spread[0], spread, rtol=1e-5, atol=1e-6 * np.abs(spread).max())
+    together = max(score @ near @ score, 0.0)
+    assert out.correlation[0] == pytest.approx(together / (score @ score))
+    assert out.variance[0] == pytest.approx(together / (weights @ weights))
+
+
+def noisy_room(noise: Array) -> Alignment:
+    """A room in front of an exact map, its returns moved along their normals by `noise`, aligned where it is."""
+    seen = cloud_of(ROOM, np.zeros(3))
+    moved = ScanPoints(seen.points + noise[: len(seen), None] * seen.normals, seen.normals, seen.along, seen.weights)
+    return single(seen, moved, np.zeros(3), options=AlignmentOptions(sigma=0.02))
+
+
+def test_what_neighbours_have_in_common_is_found() -> None:
+    rng = np.random.default_rng(1)
+    white = [noisy_room(0.01 * rng.standard_normal(1000)) for _ in range(30)]
+    assert np.mean([o.correlation[0] for o in white]) == pytest.approx(1.0, abs=0.15)
+    assert np.sqrt(np.mean([o.variance[0] for o in white])) == pytest.approx(0.01, rel=0.15)
+    rough = [noisy_room(0.01 * np.repeat(rng.standard_normal(250), 4)) for _ in range(30)]
+    assert np.mean([o.correlation[0] for o in rough]) > 2.0
+
+
+@pytest.mark.parametrize("width", [1, 2])
+def test_information_with_the_push_is_that_of_the_errors(width: int) -> None:
+    """Independent or not, poses scatter as the sandwich of slope and push says."""
+    rng = np.random.default_rng(2)
+    found = [noisy_room(0.004 * np.repeat(rng.standard_normal(1000), width)) for _ in range(200)]
+    error = np.array([o.T_target_source[0] for o in found])
+    inverse = np.linalg.inv(found[0].information[0])
+    stated = inverse @ np.mean([o.push[0] for o in found], axis=0) @ inverse
+    scatter = error.T @ error / len(error)
+    ratio = np.diag(scatter) / np.diag(stated)  # 1.8 where neighbours were taken as independent
+    assert 0.65 < ratio.min() < ratio.max() < 1.5
+
+
+def test_a_target_as_thick_as_its_noise_resists_less() -> None:
+    shares = []
+    for sigma in (0.002, 0.03):
+        clouds = [cloud_of(ROOM, np.zeros(3), sigma=sigma, seed=k) for k in range(8)]
+        target = index_cloud(merge_surfels(concatenate(clouds), 0.05))
+        source = SourceClouds.single(cloud_of(ROOM, np.zeros(3), sigma=sigma, seed=99))
+        options = AlignmentOptions(sigma=max(0.015, sigma))
+        found = align(target, source, ONE, np.zeros((1, 3)), options=options)
+        shares.append(slope_share(target, source, ONE, found.T_target_source, found.information, options)[0])
+    assert 0.6 < shares[0] < 1.0
+    assert 0.2 < shares[1] < 0.7 * shares[0]
 
 
 @pytest.mark.parametrize("seed", range(10))

@@ -76,7 +76,7 @@ def alignment(**changed: Any) -> list[Any]:
         "points": cloud.points, "normals": cloud.normals, "weights": cloud.weights, "offsets": index.offsets,
         "pairs": np.zeros((1, 2), dtype=np.int32), "T_start": np.zeros((1, 3)), "T_prior": np.zeros((1, 3)),
         "information": np.zeros((1, 3, 3)), "radius_start": 0.4, "radius_end": 0.1, "sigma": 0.01, "robust": 2.0,
-        "facing": 0.7, "iterations": 5, "threads": 1}
+        "facing": 0.7, "iterations": 5, "correlated": 0.3, "threads": 1}
     made = {**arguments, **{k: v(arguments[k]) if callable(v) else v for k, v in changed.items()}}
     return list(made.values())
 
@@ -92,7 +92,7 @@ def alignment(**changed: Any) -> list[Any]:
     {"target_offsets": lambda a: a + 1}, {"offsets": lambda a: a * 2}, {"cells": np.zeros(1)},
     {"offsets": np.array([0, 30, 20])}, {"offsets": np.zeros(0, dtype=np.int64)}, {"origins": np.full((1, 2), np.nan)},
     {"radius_start": 0.05}, {"radius_end": 0.0}, {"sigma": 0.0}, {"robust": -1.0}, {"iterations": 0},
-    {"radius_start": np.inf},
+    {"radius_start": np.inf}, {"correlated": -0.1}, {"correlated": np.nan},
 ], ids=lambda changed: next(iter(changed)))
 def test_align_refuses(changed: dict[str, Any]) -> None:
     _native.scan.align(*alignment())

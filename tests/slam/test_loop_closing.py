@@ -112,9 +112,18 @@ def test_what_could_not_be_closed_in_time_is_closed_at_the_end() -> None:
     slam = mapped(round_trip())
     closer, last = slam._closer, slam.closures[-1]
     belief = closer._beliefs._held.pop()
+    closer._beliefs._of_source = None
     slam._pose_graph.remove(belief.factor)
     closer._open.append(last.source)
-    slam.optimise()
+    told: list[tuple[int, int]] = []
+    slam.optimise(lambda done, most: told.append((done, most)), lambda: True)
+    assert last.source not in {c.source for c in slam.closures}  # stopped before it was tried
+    assert len(told) == 1
+    slam.optimise(lambda done, most: told.append((done, most)))
+    done, most = np.array(told[1:]).T
+    assert np.array_equal(done, np.arange(len(done)))
+    assert np.all(most == 3 * len(closer._open) + 3)
+    assert len(done) <= most[0]
     assert last.source in {c.source for c in slam.closures}
 
 

@@ -77,6 +77,23 @@ def test_refined_graph_is_at_its_optimum_and_ties_the_rounds_together() -> None:
     assert next(iter(slam.graph.variables())).constant.sum() == 1
 
 
+def test_steps_are_worth_no_more_than_the_front_end_found_them_to_be() -> None:
+    """They know their noise, and the pairs count the same scans."""
+    slam = mapped(round_trip())
+
+    def steps() -> tuple[np.ndarray, np.ndarray]:
+        blocks = [b for b in slam.graph.blocks() if b.role is Role.ODOMETRY]
+        return np.concatenate([b.keys for b in blocks]), np.concatenate([b.information for b in blocks])
+
+    keys, before = steps()
+    slam.refine()
+    keys_after, after = steps()
+    np.testing.assert_array_equal(keys, keys_after)
+    ratio = np.linalg.eigvals(np.linalg.solve(before, after)).real  # 1 where odometry tells, 2 / n where returns do
+    assert ratio.max() < 1 + 1e-6
+    assert 0.1 < np.median(ratio.min(axis=1)) < 0.6
+
+
 def test_refining_pulls_a_bent_map_straight() -> None:
     """Keyframes shaken by centimetres come back to where their scans fit."""
     log = round_trip()

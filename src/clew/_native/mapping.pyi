@@ -31,4 +31,29 @@ def count_looks(
     free_range: float,
     width: float,
     margin: float,
-) -> tuple[NDArray[np.float64], NDArray[np.int32], NDArray[np.int32]]: ...
+    sure: float,
+) -> tuple[
+    NDArray[np.float64], NDArray[np.int32], NDArray[np.int32], NDArray[np.int32], NDArray[np.uint8], NDArray[np.uint8]
+]: ...
+def clear_lengths(
+    T_world_sensor: NDArray[np.float64],
+    offsets: NDArray[np.int64],
+    first_angle: NDArray[np.float64],
+    increment: NDArray[np.float64],
+    range: NDArray[np.float64],
+    moment: NDArray[np.int32],
+    reach: float,
+    free_range: float,
+    width: float,
+    margin: float,
+) -> NDArray[np.float64]: ...
+def see(
+    T_sensor_points: NDArray[np.float64],
+    offsets: NDArray[np.int64],
+    first_angle: NDArray[np.float64],
+    increment: NDArray[np.float64],
+    range: NDArray[np.float64],
+    clear: NDArray[np.float64],
+    points: NDArray[np.float64],
+    slack: float,
+) -> tuple[NDArray[np.int32], NDArray[np.int32]]: ...

@@ -23,5 +23,6 @@ def align(
     starts: NDArray[np.int32], starts_offsets: NDArray[np.int64], order: NDArray[np.int32], origins: _F,
     shapes: NDArray[np.int32], cells: _F, points: _F, normals: _F, weights: _F, offsets: NDArray[np.int64],
     pairs: NDArray[np.int32], T_start: _F, T_prior: _F, prior_information: _F, radius_start: float,
-    radius_end: float, sigma: float, robust: float, facing: float, iterations: int, threads: int,
-) -> tuple[_F, _F, _F, _F, _F]: ...
+    radius_end: float, sigma: float, robust: float, facing: float, iterations: int, correlated: float,
+    threads: int,
+) -> tuple[_F, _F, _F, _F, _F, _F, _F, _F, _F]: ...

@@ -157,7 +157,7 @@ def _report(summary: dict[str, object], out: Path, log: Records, console: Consol
     """The outcome in a few lines."""
     console.print(
         f"{summary['scans']} scans, {summary['keyframes']} keyframes, {summary['closures_accepted']} loop closures "
-        f"({summary['closures_rejected']} candidates turned down)",
+        f"({summary['closures_rejected']} candidates were turned down)",
         highlight=False,
     )
     if "ate_m" in summary:

@@ -103,9 +103,9 @@ def map_log(
                   len(slam.closures), time.perf_counter() - begun)
         if options.refine and not stopped:
             viewer.stage("refining")
-            slam.refine(progress.refining, lambda: interrupt.requested)
+            slam.refine(progress.refining, lambda: interrupt.requested, progress.closing)
         else:
-            slam.optimise()
+            slam.optimise(progress.closing, lambda: interrupt.requested)
         interrupted = interrupt.requested
         progress.mapped(0, slam.scan_count)
         viewer.stage("writing")

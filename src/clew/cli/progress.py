@@ -120,7 +120,7 @@ class Stages:
 
 
 class JobProgress:
-    """Stages of a mapping job: scans, refinement, map, files."""
+    """Stages of a mapping job: scans, closures that were left open, refinement, map, files."""
 
     def __init__(self, stages: Stages, scans: int) -> None:
         self._stages = stages
@@ -138,6 +138,12 @@ class JobProgress:
         begin, end = slam.time_span
         factor = (end - begin) / max(now - self._begun, 1e-6)
         self._stages.show(slam.scan_count, f"{slam.closure_count} closures, {factor:.0f} x real time")
+
+    def closing(self, done: int, most: int) -> None:
+        """A keyframe has been tried again that could not be closed; 0 of them when it begins."""
+        if done == 0:
+            self._stages.begin("closing", most, "keyframes at most, tried again")
+        self._stages.show(done)
 
     def refining(self, done: int, most: int) -> None:
         """A round of the refinement is over; 0 of them when it begins."""

@@ -10,16 +10,7 @@ from numpy.typing import NDArray
 from clew.geometry import se2
 from clew.place.closure import Closure, Verdict
 from clew.place.submap import SEARCH_RESOLUTION, Submap
-from clew.scan import (
-    Alignment,
-    AlignmentOptions,
-    ScanPoints,
-    SourceClouds,
-    align,
-    correlate,
-    merge_surfels,
-    with_new_partners,
-)
+from clew.scan import Alignment, AlignmentOptions, ScanPoints, SourceClouds, align, correlate, merge_surfels, with_new_partners
 
 Array = NDArray[np.float64]
 

@@ -1,6 +1,13 @@
 """Laser scans: cleaning, features, matching, match covariance; tags in camera images."""
 
-from clew.scan.align import Alignment, AlignmentOptions, align, with_new_partners, without_normal_noise
+from clew.scan.align import (
+    Alignment,
+    AlignmentOptions,
+    align,
+    slope_share,
+    with_new_partners,
+    without_normal_noise,
+)
 from clew.scan.beam_times import BeamTimes
 from clew.scan.correlate import CorrelativeMatch, LikelihoodPyramid, build_pyramid, correlate
 from clew.scan.deskew import deskew, resample
@@ -57,6 +64,7 @@ __all__ = [
     "merge_surfels",
     "resample",
     "robust_deviation",
+    "slope_share",
     "with_new_partners",
     "without_normal_noise",
 ]

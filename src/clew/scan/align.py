@@ -17,6 +17,7 @@ LEAST_SHARE = 1e-6  # of the information that is left in any direction
 TINY = 1e-300
 LEAST_SPREAD = 0.01  # metres; of returns about their mean
 PROBE = 0.08  # metres; beyond the side of a surfel, so that partners change
+NUDGE = 0.005  # metres; about as far as alignments err
 LONG = 0.3  # share of the strongest direction's information from which on the weakest one is believed as it is
 LEAST_CURVATURE = 0.01  # share of the information that is left at least
 PINNED = 1e12  # information of a prior that holds a pose where it is
@@ -32,6 +33,8 @@ class AlignmentOptions:
         robust: scale of the Cauchy weights, in sigmas.
         facing: least cosine between the normals of two partners.
         iterations: Gauss-Newton steps at most.
+        correlated: returns next to each other within this distance may have errors in common, metres: those of a
+            surface and of the place where the target has it. 0: what residuals tell of errors is left out.
     """
 
     radius_start: float = 0.4
@@ -40,6 +43,7 @@ class AlignmentOptions:
     robust: float = 2.0
     facing: float = 0.7
     iterations: int = 20
+    correlated: float = 0.3
 
 
 @dataclass(frozen=True)
@@ -52,6 +56,11 @@ class Alignment:
         step: ``(P, 3)`` tangent step from the pose to the optimum of the returns alone (zero without a prior).
         overlap: ``(P,)`` share of the source's points that found a partner within ``radius_end``.
         rms: ``(P,)`` residual along the normals, metres.
+        correlation: ``(P,)`` sum of the residuals' autocorrelation along the scan: by so much the variance of a sum of
+            them is larger than that of independent ones, which have one (Newey, West 1987).
+        variance: ``(P,)`` of a return with what it has in common with those beside it, metres^2.
+        push: ``(P, 3, 3)`` covariance of the gradient (`information` times a step) by these residuals,
+        spread: ``(P, 3, 3)`` and for independent ones with a variance of one square metre.
     """
 
     T_target_source: Array
@@ -59,6 +68,10 @@ class Alignment:
     step: Array
     overlap: Array
     rms: Array
+    correlation: Array
+    variance: Array
+    push: Array
+    spread: Array
 
 
 def align(
@@ -98,7 +111,7 @@ def align(
             s.points, s.normals, s.weights, sources.offsets,
             np.ascontiguousarray(pairs, dtype=np.int32), start, prior,
             np.ascontiguousarray(prior_information, dtype=np.float64),
-            o.radius_start, o.radius_end, o.sigma, o.robust, o.facing, o.iterations, threads,
+            o.radius_start, o.radius_end, o.sigma, o.robust, o.facing, o.iterations, o.correlated, threads,
         )
     )  # fmt: skip
 
@@ -153,6 +166,8 @@ def with_new_partners(
     information: Array,
     options: AlignmentOptions,
     threads: int = 1,
+    *,
+    worth: Array | None = None,
 ) -> Array:
     """Information ``(P, 3, 3)`` of alignments without what holds only while their partners stay the same.
 
@@ -167,28 +182,65 @@ def with_new_partners(
         information: ``(P, 3, 3)`` that they had there.
         options: of the alignments.
         threads: how many share the pairs.
+        worth: ``(P, 3, 3)`` what that is worth, which is then returned without what does not hold.
     """
     values, vectors = np.linalg.eigh(information[:, :2, :2])
     weak = np.flatnonzero(values[:, 0] <= LONG * values[:, 1])
-    out = np.array(information, dtype=np.float64)
+    out = np.array(information if worth is None else worth, dtype=np.float64)
     if not len(weak):
         return out
     values, vectors = values[weak], vectors[weak]
     weakest = np.concatenate([vectors[:, :, 0], np.zeros((len(weak), 1))], axis=1)
-    sides = PROBE * np.stack([weakest, -weakest], axis=1)
-    at_ends = align(
-        targets, sources, np.repeat(pairs[weak], 2, axis=0),
-        se2.compose(T_target_source[weak, None], sides).reshape(-1, 3),
-        prior_information=np.broadcast_to(PINNED * np.eye(3), (2 * len(weak), 3, 3)),
-        options=replace(options, radius_start=options.radius_end, iterations=1), threads=threads,
-    )  # fmt: skip
-    gradients = -np.einsum("nij,nj->ni", at_ends.information, at_ends.step).reshape(-1, 2, 3)
-    curvature = np.einsum("ni,ni->n", gradients[:, 0] - gradients[:, 1], weakest) / (2.0 * PROBE)
+    curvature = _curvature(targets, sources, pairs[weak], T_target_source[weak], weakest, PROBE, options, threads)
     share = np.clip(curvature / np.maximum(values[:, 0], TINY), LEAST_CURVATURE, 1.0)
     scale = np.zeros((len(weak), 3, 3))
     scale[:, :2, :2] = (vectors * np.sqrt(np.stack([share, np.ones_like(share)], axis=1))[:, None]) @ np.swapaxes(
         vectors, 1, 2
     )
     scale[:, 2, 2] = 1.0
-    out[weak] = scale @ information[weak] @ scale
+    out[weak] = scale @ out[weak] @ scale
     return out
+
+
+def slope_share(
+    targets: IndexedClouds,
+    sources: SourceClouds,
+    pairs: NDArray[np.int32],
+    T_target_source: Array,
+    information: Array,
+    options: AlignmentOptions,
+    threads: int = 1,
+) -> Array:
+    """How much less alignments resist being moved than their information says, ``(P,)``, with partners sought anew.
+
+    A target as thick as its noise has a point near each return wherever it is moved, and robust weights fall as
+    residuals grow. Both make the error less steep. Pushed about by their noise, poses err by that much more.
+
+    Args:
+        targets, sources, pairs: as in `align`.
+        T_target_source: ``(P, 3)`` where the alignments ended.
+        information: ``(P, 3, 3)`` that they had there.
+        options: of the alignments.
+        threads: how many share the pairs.
+    """
+    total = np.zeros(len(pairs))
+    for axis in np.eye(3)[:2]:
+        direction = np.broadcast_to(axis, (len(pairs), 3))
+        total += _curvature(targets, sources, pairs, T_target_source, direction, NUDGE, options, threads)
+    return np.asarray(total / np.maximum(information[:, 0, 0] + information[:, 1, 1], TINY))
+
+
+def _curvature(
+    targets: IndexedClouds, sources: SourceClouds, pairs: NDArray[np.int32], T_target_source: Array, direction: Array,
+    distance: float, options: AlignmentOptions, threads: int,
+) -> Array:
+    """Of the error along a direction ``(P, 3)`` of the tangent, by the gradients on both sides of the pose."""
+    sides = distance * np.stack([direction, -direction], axis=1)
+    at_ends = align(
+        targets, sources, np.repeat(pairs, 2, axis=0),
+        se2.compose(T_target_source[:, None], sides).reshape(-1, 3),
+        prior_information=np.broadcast_to(PINNED * np.eye(3), (2 * len(pairs), 3, 3)),
+        options=replace(options, radius_start=options.radius_end, iterations=1, correlated=0.0), threads=threads,
+    )  # fmt: skip
+    gradients = -np.einsum("nij,nj->ni", at_ends.information, at_ends.step).reshape(-1, 2, 3)
+    return np.asarray(np.einsum("ni,ni->n", gradients[:, 0] - gradients[:, 1], direction) / (2.0 * distance))

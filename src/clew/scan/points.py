@@ -63,6 +63,10 @@ class ScanPoints:
     def __len__(self) -> int:
         return int(self.points.shape[0])
 
+    def select(self, rows: NDArray[np.bool_]) -> ScanPoints:
+        """Those of the points for which ``(n,)`` a mask is True."""
+        return ScanPoints(self.points[rows], self.normals[rows], self.along[rows], self.weights[rows])
+
     def transformed(self, pose: Array) -> ScanPoints:
         """The same points seen from the frame in which `pose` ``(3,)`` holds the present one."""
         c, s = np.cos(pose[2]), np.sin(pose[2])

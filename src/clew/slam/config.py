@@ -30,8 +30,6 @@ class TrackingOptions:
         prior_floor: where its deviations are taken as these at least, metres, metres, radians: odometry that halts for
             a moment is sure of itself and wrong.
         voxel: side of a surfel of the local map, metres.
-        information_scale: share of the returns that tell something new: neighbours share their part of the map and its
-            errors. Chosen so that normalised errors in simulated worlds are right (`benchmarks/sensors.py`).
         overlap: a match that explains less of the scan is not believed; odometry carries on.
         velocity_sigmas: deviation of a prediction by constant velocity, where there is no odometry,
             metres and radians a second.
@@ -53,7 +51,6 @@ class TrackingOptions:
     prior_weight: float = 0.04
     prior_floor: tuple[float, float, float] = (0.05, 0.05, 0.05)
     voxel: float = 0.05
-    information_scale: float = 0.45
     overlap: float = 0.3
     velocity_sigmas: tuple[float, float] = (0.6, 0.8)
 
@@ -87,7 +84,8 @@ class ClosingOptions:
         open_sources: keyframes that could not be closed yet and are kept in mind at most: once the robot knows where it
             is they are tried again.
         cached_submaps: submaps kept in memory.
-        information_scale: as in `TrackingOptions`.
+        information_scale: share of the query's returns that tell something new: the errors of submap and query are
+            those of the ways along which they were seen.
         kernel_scale: scale of the robust kernel on closures (Huber: convex, so that a right closure pulls from any
             distance), in whitened residuals.
         residual: a closure with a larger squared residual after optimisation is withdrawn.
@@ -130,7 +128,8 @@ class RefinementOptions:
         overlap: pairs that share less are left out.
         rounds: how often correspondences are sought again at most.
         movement: it has converged when no keyframe moves more, metres.
-        information_scale: as in `TrackingOptions`, shared by the pairs that a scan is in.
+        information_scale: share of the returns of a pair that tell something new, before the pairs themselves tell
+            (`clew.slam.pair_noise`).
     """
 
     radius: float = 4.0

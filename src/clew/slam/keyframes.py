@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -73,6 +73,11 @@ class KeyframeStore:
         self._alive.extend(1)[:] = True
         self._keyframes[index] = keyframe
         return index
+
+    def replace_points(self, index: int, points: ScanPoints) -> None:
+        """Give a keyframe other returns: some were found not to stay."""
+        self._keyframes[index] = replace(self._keyframes[index], points=points)
+        self._returns.rows[index] = len(points)
 
     def drop(self, indices: Iterable[int]) -> None:
         """Forget the returns of keyframes for good."""

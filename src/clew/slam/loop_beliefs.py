@@ -36,6 +36,8 @@ class Beliefs:
         self._graph = graph
         self._most_residual = most_residual
         self._held: list[_Belief] = []
+        self._of_source: dict[int, list[Closure]] | None = None  # the same by keyframe; None: to be made anew
+        self._whole = 0  # how many of them are whole, as of then
         self._past = ClosureLog()  # in the graph for good: a keyframe of theirs was pruned
 
     def __len__(self) -> int:
@@ -51,6 +53,25 @@ class Beliefs:
         """Those that can still be taken out, in the order in which they came."""
         return [belief.closure for belief in self._held]
 
+    def of(self, source: int) -> list[Closure]:
+        """Those of `held` that close one keyframe."""
+        return self._by_source().get(source, [])
+
+    @property
+    def whole_count(self) -> int:
+        """How many of `held` are not partial."""
+        self._by_source()
+        return self._whole
+
+    def _by_source(self) -> dict[int, list[Closure]]:
+        """Those held by keyframe; made anew only where they have changed since."""
+        if self._of_source is None:
+            self._of_source = {}
+            for closure in self.held:
+                self._of_source.setdefault(closure.source, []).append(closure)
+            self._whole = sum(not closure.is_partial for closure in self.held)
+        return self._of_source
+
     def add(self, closure: Closure) -> list[Closure]:
         """Believe a closure; returns partial ones of the same keyframe, for which it stands from now on."""
         closure = replace(closure, verdict=Verdict.CONFIRMED)
@@ -59,6 +80,7 @@ class Beliefs:
             self._graph.remove(belief.factor)
             self._held.remove(belief)
         self._held.append(_Belief(closure, self._graph.add_closure(closure, closure.information)))
+        self._of_source = None
         return [replace(belief.closure, verdict=Verdict.REDUNDANT) for belief in replaced]
 
     def forget(self, keyframes: set[int]) -> None:
@@ -68,6 +90,7 @@ class Beliefs:
             self._past.add(ended)
             self._held = [b for b in self._held
                           if b.closure.source not in keyframes and b.closure.target not in keyframes]
+            self._of_source = None
 
     def withdraw(self) -> list[Closure]:
         """Take out, the worst first, what the optimised graph contradicts, and optimise again; returns it."""
@@ -81,6 +104,7 @@ class Beliefs:
                 self._graph.remove(self._held[index].factor)
                 withdrawn.append(replace(self._held[index].closure, verdict=Verdict.WITHDRAWN))
             self._held = [self._held[index] for index in np.flatnonzero(~bad)]
+            self._of_source = None
             self._graph.optimise()
         return withdrawn
 
@@ -106,7 +130,7 @@ class Beliefs:
             return withdrawn + replaced
         for belief in self._held:
             self._graph.remove(belief.factor)
-        self._held = []
+        self._held, self._of_source = [], None
         for belief in before:
             self.add(belief.closure)
         self._graph.set_poses(poses[self._graph.graph.keys(SE2)])

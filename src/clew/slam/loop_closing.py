@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -116,7 +117,9 @@ class LoopCloser:
             return True
         accepted = self.accepted_count
         moved = self._decide(proposals)
-        if all(c.is_partial for c in self._beliefs.held if c.source == source):
+        # Where many keyframes stand already, one more need not stay for its closure.
+        is_needed = not (known and (self._in_vain or any(p.is_certain for p in proposals)))
+        if is_needed and all(c.is_partial for c in self._beliefs.of(source)):
             self._open.append(source)
         if self.accepted_count > accepted + 1:  # with its supporters
             self._reopen({c.source for c in self._beliefs.held[accepted - self.accepted_count :]}, set())
@@ -143,12 +146,28 @@ class LoopCloser:
             return [self._matcher.match(query, c.doubted(reach)) for c in candidates if c.is_near]
         return proposals
 
-    def finish(self) -> None:
-        """Try all keyframes once more that could not be closed, or only in part, now that the whole way is known."""
+    def finish(
+        self, progress: Callable[[int, int], None] | None = None, stop: Callable[[], bool] | None = None
+    ) -> None:
+        """Try all keyframes once more that could not be closed, or only in part, now that the whole way is known.
+
+        Args:
+            progress: called with how many have been tried, and the most there can be; with 0 first, if there are any.
+            stop: asked before each whether to leave the others as they are.
+        """
+        most, tried = ROUNDS * len(self._open), 0
+
+        def may_go_on() -> bool:
+            nonlocal tried
+            if progress is not None:
+                progress(tried, most)
+            tried += 1
+            return stop is None or not stop()
+
         for _ in range(ROUNDS):
             before = self._known()
             self.settle()
-            self._catch_up(thorough=True)
+            self._catch_up(may_go_on)
             self._match_sequences()
             if self._known() == before:
                 break
@@ -162,24 +181,25 @@ class LoopCloser:
 
     def _known(self) -> tuple[int, int]:
         """How many closures are believed, and how many of those that can be taken out are whole."""
-        return len(self._beliefs), sum(not c.is_partial for c in self._beliefs.held)
+        return len(self._beliefs), self._beliefs.whole_count
 
-    def _catch_up(self, *, thorough: bool = False) -> None:
+    def _catch_up(self, thorough: Callable[[], bool] | None = None) -> None:
         """Try keyframes again that could not be closed, the latest first, now that the robot knows where it is.
 
         Each that is closed makes the ones before it certain in turn.
 
         Args:
-            thorough: all of them, those too that were closed in part; otherwise until several in a row cannot be.
+            thorough: asked before each: all are tried as long as it says so, those too that were closed in part;
+                without it until several in a row cannot be.
         """
         left: list[int] = []
         missed = 0
-        while self._open and (thorough or missed < MISSES):
+        while self._open and (missed < MISSES if thorough is None else thorough()):
             source = self._open.pop()
-            held = [c for c in self._beliefs.held if c.source == source]
+            held = self._beliefs.of(source)
             if not all(c.is_partial for c in held):
                 continue
-            if held and not thorough:
+            if held and thorough is None:
                 left.append(source)
                 continue
             before = self._known()

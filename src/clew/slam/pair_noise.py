@@ -7,6 +7,8 @@ variance factor (Förstner 1979, "Ein Verfahren zur Schätzung von Varianz- und 
 The noise of a scan is in all the pairs that it takes part in. Of ``n`` scans that see one surface, each with variance
 ``v``, the best estimate of the surface leaves the scans as if each pair of them held ``1 / (n v)``, where the error of
 a pair has the variance ``2 v``. So a pair whose error has the covariance ``C`` enters the graph with ``2 C^-1 / n``.
+The steps of the front end know their covariance (`clew.slam.match_noise`), but rest on the same scans: they count among
+the pairs.
 """
 
 from __future__ import annotations
@@ -58,13 +60,13 @@ def pair_variance(error: Array, information: Array, keyframes: int) -> float:
     return (PRIOR_WEIGHT + redundant * variance) / (PRIOR_WEIGHT + redundant)
 
 
-def with_variance(information: Array, variance: float) -> Array:
+def with_variance(information: Array, variance: Array | float) -> Array:
     """Information ``(P, 3, 3)`` of pairs for the graph, before it is shared among those that a scan is in.
 
     A direction that returns hardly measure, as along a corridor, keeps what it has: what it rests on, bent ends and
-    rough surfaces, is alike in all pairs and does not show in their residuals.
+    rough surfaces, is alike in all pairs and does not show in their residuals. `variance` is one of all, or ``(P,)``.
     """
-    gain = BOTH_SCANS / variance
+    gain = np.asarray(BOTH_SCANS / variance)[..., None]
     values, vectors, unit = _directions(information)
     # Squared, so that what is a tenth as well known, and rests on odometry, is hardly touched.
     follows = np.square(np.clip(values / np.maximum(CONDITIONED * values[:, 2:], TOLD), 0.0, 1.0))

@@ -48,18 +48,16 @@ class _Pairs:
         rows: ``(P, 2)`` of the keyframes.
         T: ``(P, 3)`` pose of the second seen from the first.
         information: ``(P, 3, 3)`` of the returns of each pair by itself.
-        share: ``(P,)`` of it that may count as its own.
     """
 
     rows: NDArray[np.int32]
     T: Array
     information: Array
-    share: Array
 
-    def factor(self, numbers: Index, variance: float) -> Between:
-        """Edges of the graph whose keys are the numbers of the keyframes."""
+    def factor(self, numbers: Index, variance: float, share: Array) -> Between:
+        """Edges of the graph, keys being numbers of keyframes; `share` ``(P,)`` of them counts as their own."""
         keys = numbers[self.rows]
-        information = self.share[:, None, None] * with_variance(self.information, variance) + LEAST_INFORMATION
+        information = share[:, None, None] * with_variance(self.information, variance) + LEAST_INFORMATION
         return Between(
             keys[:, 0], keys[:, 1], SE2.from_array(self.T),
             information=information, role=Role.LOOP, kernel=Cauchy(KERNEL),
@@ -133,9 +131,14 @@ def refine(
     for round_ in range(options.rounds):
         aligned = _align_pairs(indexed, moments, numbers, poses, round_, config, sensor)
         graph.remove(placed)
-        weighed = [_weighed(step, variance) for step in steps]
+        weighed = steps
         if aligned is not None:
-            weighed.append(aligned.factor(numbers, variance))
+            rows = [np.searchsorted(numbers, step.keys) for step in steps]
+            shares = np.split(
+                returns_once(np.concatenate([*rows, aligned.rows]), len(numbers)), np.cumsum([len(r) for r in rows])
+            )
+            weighed = [_weighed(step, share) for step, share in zip(steps, shares[:-1], strict=True)]
+            weighed.append(aligned.factor(numbers, variance, shares[-1]))
         placed = np.concatenate([np.atleast_1d(np.asarray(graph.add(factor))) for factor in weighed])
         optimize(graph, init="file", update=True)
         moved_to = np.asarray(graph.values(numbers).array)
@@ -154,7 +157,7 @@ def refine(
 def _steps(graph: FactorGraph) -> tuple[list[Between], NDArray[np.int64]]:
     """The edges that the front end made, and what was left of them when keyframes were pruned, with their ids.
 
-    They rest on returns as the pairs do, and are worth more or less as these are.
+    They rest on returns as the pairs do, of scans that the pairs count too.
     """
     steps, ids = [], [np.zeros(0, dtype=np.int64)]
     for role in (Role.ODOMETRY, Role.MARGINAL):
@@ -165,10 +168,11 @@ def _steps(graph: FactorGraph) -> tuple[list[Between], NDArray[np.int64]]:
     return steps, np.concatenate(ids)
 
 
-def _weighed(step: Between, variance: float) -> Between:
+def _weighed(step: Between, share: Array) -> Between:
+    """A step with so much ``(M,)`` of its returns as counts as its own; what it is worth it knows."""
     return Between(
         step.keys[:, 0], step.keys[:, 1], SE2.from_array(step.measurement),
-        information=with_variance(step.information, variance), role=step.role, kernel=step.kernel,
+        information=with_variance(step.information, 1.0 / share), role=step.role, kernel=step.kernel,
     )  # fmt: skip
 
 
@@ -192,7 +196,7 @@ def _align_pairs(
         return None
     of_returns = without_normal_noise(returns[good], sensor.normal_variance + BENT_ENDS**2, moments[pairs[good, 1]])
     worth = sensor.return_information(options.information_scale)
-    return _Pairs(pairs[good], T[good], worth * of_returns, returns_once(pairs[good], len(numbers)))
+    return _Pairs(pairs[good], T[good], worth * of_returns)
 
 
 def _align_part(
@@ -207,7 +211,7 @@ def _align_part(
         batch, batch.as_sources(), np.asarray(local.reshape(-1, 2), dtype=np.int32),
         se2.between(poses[pairs[:, 0]], poses[pairs[:, 1]]),
         prior_information=np.broadcast_to(WEAK_PRIOR, (len(pairs), 3, 3)),
-        options=replace(sensor.alignment, radius_start=start, radius_end=end), threads=config.threads,
+        options=replace(sensor.alignment, radius_start=start, radius_end=end, correlated=0.0), threads=config.threads,
     )  # fmt: skip
     # The pose of the returns alone, not the one that the prior holds back: it would confirm where the pair is now.
     size = np.hypot(np.hypot(fine.step[:, 0], fine.step[:, 1]), LEVER * fine.step[:, 2])

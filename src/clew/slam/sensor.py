@@ -9,15 +9,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 from clew.motion import GyroCalibration, OdometryCalibration
-from clew.scan import AlignmentOptions, BeamTimes, LaserScan, collinearity_residuals, robust_deviation
+from clew.scan import (
+    Alignment,
+    AlignmentOptions,
+    BeamTimes,
+    LaserScan,
+    collinearity_residuals,
+    robust_deviation,
+)
 from clew.slam.config import SlamConfig
+from clew.slam.match_noise import MatchNoise
 
 Array = NDArray[np.float64]
 
 FIRST_SCANS = 20  # looked at one by one,
 EVERY = 10  # later one in so many
 NOISE_SCANS = 60  # whose residuals make the estimate of the noise
-MATCHES = 100  # residuals of matches that are remembered
 LEAST_NOISE = 0.002  # metres; below, the world is rougher than any laser measures
 #: A Gaussian's root mean square, weighted by a Cauchy kernel of scale two deviations, is this share of its deviation.
 CAUCHY_SHARE = 0.9
@@ -34,6 +41,7 @@ class SensorModel:
         gyro: noise, bias and scale of the gyro.
         tells_beam_times: whether the log tells when the beams of a scan are measured,
         beam_times: and as found from scans where it does not.
+        matches: what matches are worth.
     """
 
     def __init__(self, config: SlamConfig) -> None:
@@ -41,12 +49,11 @@ class SensorModel:
         self.gyro = GyroCalibration(config.gyro)
         self.tells_beam_times = False
         self.beam_times = BeamTimes()
+        self.matches = MatchNoise()
         self._residuals: deque[Array] = deque(maxlen=NOISE_SCANS)
         self._alignment = config.alignment
         self._cleaning = config.cleaning
         self._noise = config.alignment.sigma / 2  # until the first scan tells
-        self._matches: deque[float] = deque(maxlen=MATCHES)
-        self._matched = 0.0  # their median, once there are enough
         self._scans = 0
         self._gaps: deque[float] = deque(maxlen=1000)
         self._last: float | None = None
@@ -65,7 +72,7 @@ class SensorModel:
     @property
     def return_deviation(self) -> float:
         """Deviation of a return about the map: noise of the range, roughness of surfaces, errors of the map, metres."""
-        return max(self._matched / CAUCHY_SHARE, self._noise, LEAST_NOISE)
+        return max(self.matches.rms / CAUCHY_SHARE, self._noise, LEAST_NOISE)
 
     @property
     def alignment(self) -> AlignmentOptions:
@@ -79,6 +86,10 @@ class SensorModel:
             independent: share of returns that tell something new.
         """
         return independent * (self.alignment.sigma / self.return_deviation) ** 2
+
+    def match_information(self, match: Alignment) -> Array:
+        """Information ``(3, 3)`` of the returns of a match, the only one in its alignment."""
+        return self.matches.information(match, self._noise, LEAST_NOISE)
 
     @property
     def normal_variance(self) -> float:
@@ -116,12 +127,6 @@ class SensorModel:
         """A scan with the moments of its beams, as far as they are told or have been found."""
         return scan if scan.is_sweep else self.beam_times.of(scan)
 
-    def matched(self, rms: float) -> None:
-        """Take notice of the residual of a match, metres."""
-        self._matches.append(rms)
-        if len(self._matches) >= FIRST_SCANS:
-            self._matched = float(np.median(self._matches))
-
     def report(self) -> dict[str, object]:
         """Plain numbers: metres, degrees, Hertz."""
         (beams, increment), _ = self._beams.most_common(1)[0]
@@ -134,6 +139,7 @@ class SensorModel:
             **self._timing(),
             "range_noise_m": round(self.range_noise, 4),
             "return_deviation_m": round(self.return_deviation, 4),
+            "residual_correlation": round(self.matches.correlation, 2),
             "longest_return_m": round(float(np.quantile(self._longest, 0.98)), 2),
             "share_of_returns": round(float(self._returns[0] / max(self._returns[1], 1.0)), 3),
         }

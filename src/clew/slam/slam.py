@@ -185,26 +185,40 @@ class Slam:
         assert end is not None
         return np.asarray(se2.log(se2.between(T_odom_robot, end)) / sweep, dtype=np.float64)
 
-    def optimise(self) -> None:
-        """Move all keyframes to where odometry and closures agree best, with those closures that only now are sure."""
-        self._closer.finish()
+    def optimise(
+        self, progress: Callable[[int, int], None] | None = None, stop: Callable[[], bool] | None = None
+    ) -> None:
+        """Move all keyframes to where odometry and closures agree best, with those closures that only now are sure.
+
+        Args:
+            progress: called with the keyframes for which closures have been looked for again, beginning with 0, and the
+                most there can be; not at all where there are none.
+            stop: asked before each of these whether to leave it at that.
+        """
+        self._closer.finish(progress, stop)
         self._pose_graph.optimise(to_the_end=True)
         self._viewer.moved(self)
 
     def refine(
-        self, progress: Callable[[int, int], None] | None = None, stop: Callable[[], bool] | None = None
+        self,
+        progress: Callable[[int, int], None] | None = None,
+        stop: Callable[[], bool] | None = None,
+        closing: Callable[[int, int], None] | None = None,
     ) -> None:
         """Optimise, and refine all keyframes jointly against all scans that they overlap with.
 
         Args:
             progress: called with the rounds done, beginning with 0, and the most there can be.
-            stop: asked after each round whether to leave it at that.
+            stop: asked after each round, and while closures are looked for again, whether to leave it at that.
+            closing: the progress of `optimise`.
         """
         if len(self._keyframes) < 2:
             return
+        self.optimise(closing, stop)
+        if stop is not None and stop():
+            return
         if progress is not None:
             progress(0, self.config.refinement.rounds)
-        self.optimise()
         numbers = self._keyframes.alive
         known = None if self._retime(numbers) else self._keyframes.clouds(numbers)
         clouds = self._scans.still_returns(numbers, known, self._pose_graph.poses[numbers], self.config.cleaning)

@@ -68,6 +68,7 @@ class Tracker:
         self._map: LocalMap | None = None
         self._T_keyframe_robot = np.zeros(3)  # at the last matched scan
         self._covariance = np.zeros((3, 3))  # of it, were the last keyframe where the map has it
+        self._noise = np.zeros((3, 3))  # what of it is the noise of the last keyframe's returns
         self._drift = np.zeros((3, 3))  # of the last keyframe in the map, beyond the noise of its returns,
         self._kept = np.eye(3)  # and what is left of that in the pose
         self._scan: LaserScan | None = None  # the last matched one
@@ -187,12 +188,18 @@ class Tracker:
     def _step_covariance(self) -> Array:
         """``(3, 3)`` of the pose seen from the last keyframe, in its own tangent.
 
-        Where returns tell nothing for a while, as along a bare corridor, keyframes drift in the map. The first match
-        that tells corrects all of that at once: of the drift of the last keyframe, what is not left in the pose is an
-        error of the step between the two.
+        The last keyframe is not quite where the map has it. Its own returns put it there with noise of their own, which
+        the pose does not share once returns of its own tell it: seen from the keyframe it is off by both.
+        Where returns tell nothing for a while, as along a bare corridor, keyframes drift in the map besides. The first
+        match that tells corrects all of that at once: of both errors, what is not left in the pose is an error of the
+        step between the two.
         """
         corrected = self._kept - se2.adjoint(se2.inverse(self._T_keyframe_robot))
-        return np.asarray(self._covariance + corrected @ self._drift @ corrected.T, dtype=np.float64)
+        of_keyframe = self._drift + self._noise
+        return np.asarray(
+            self._covariance - self._kept @ self._noise @ self._kept.T + corrected @ of_keyframe @ corrected.T,
+            dtype=np.float64,
+        )
 
     def _carried_on(self, prediction: Prediction) -> Array:
         """``(3, 3)`` of the pose that odometry alone tells since the last matched scan."""
@@ -224,7 +231,8 @@ class Tracker:
         left = self._kept @ self._drift @ self._kept.T + self._covariance - of_returns
         self._drift = (1.0 - 1.0 / self._config.tracking.map_keyframes) * left  # older keyframes leave the map
         self._T_keyframe_robot, self._covariance, self._kept = np.zeros(3), of_returns, np.eye(3)
-        self._map = self._maps.build(index)
+        self._noise = of_returns
+        self._map = self._maps.build(index, scan)
         return index
 
 

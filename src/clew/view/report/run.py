@@ -98,13 +98,14 @@ def _lead(slam: Slam, grid: OccupancyGrid, graph: GraphView, truth: Trajectory |
     lines = [f"The robot drove {metres(way)} in {duration(lasted)}; {counted(len(trajectory), 'scan')} became "
              f"{counted(len(slam.keyframes), 'keyframe')} and a map of {width:.0f} m by {height:.0f} m."]
     believed, others, same = slam.closure_count, slam.turned_down_count, slam.redundant_count
+    turned_down = f"{counted(others, 'candidate')} {'was' if others == 1 else 'were'} turned down."
     besides = f", {counted(same, 'candidate')} {'says' if same == 1 else 'say'} the same" if same else ""
     if believed:
         lines.append("It recognised places it had been to: "
                      f"{counted(believed, 'loop closure')} {'is' if believed == 1 else 'are'} believed{besides}, "
-                     f"{counted(others, 'candidate')} turned down.")
+                     f"{turned_down}")
     elif others:
-        lines.append(f"No loop closure is believed; {counted(others, 'candidate')} turned down.")
+        lines.append(f"No loop closure is believed; {turned_down}")
     else:
         lines.append("It never came back to a place that it had seen: there is no loop closure.")
     if graph.sure:

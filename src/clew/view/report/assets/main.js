@@ -224,6 +224,8 @@ function sample(layer) {
   const drawings = {
     line: '<path d="M1 7h24" fill="none" stroke="currentColor" stroke-width="2.5"/>',
     dash: '<path d="M1 7h24" fill="none" stroke="currentColor" stroke-width="2.5" stroke-dasharray="5 3"/>',
+    dots: '<path d="M1 7h24" fill="none" stroke="currentColor" stroke-width="2.5" stroke-dasharray="2 3"/>',
+    'dash-dot': '<path d="M1 7h24" fill="none" stroke="currentColor" stroke-width="2.5" stroke-dasharray="7 3 2 3"/>',
     dot: '<circle cx="13" cy="7" r="3" fill="currentColor"/>', triangle: '<path d="M13 1l6 11H7z" fill="currentColor"/>',
     ring: '<ellipse cx="13" cy="7" rx="10" ry="5" fill="none" stroke="currentColor" stroke-width="1.6"/>',
     box: '<path d="M3 12V2h20v10" fill="none" stroke="currentColor" stroke-width="2.5"/>',

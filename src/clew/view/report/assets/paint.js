@@ -4,6 +4,9 @@ const CHI2_95 = { 2: 5.991464547107979, 3: 7.814727903251179 };
 const ROLES = ['odometry', 'observation', 'loop', 'prior', 'marginal'];
 const BELIEVED = 'confirmed';
 
+/** Dashes of layers that are drawn broken, by their mark; the list of layers shows them alike. */
+const DASHES = { dash: [7, 4], dots: [1.5, 4], 'dash-dot': [8, 3, 1.5, 3] };
+
 /** Layer of a closure: those that are redundant were not turned down. */
 const closureLayer = ({ verdict }) => (verdict === BELIEVED ? 'closures' : verdict === 'redundant' ? 'redundant' : 'turned-down');
 
@@ -75,7 +78,7 @@ class Layers {
         context.globalAlpha = alpha;
         context.lineWidth = width;
         context.strokeStyle = colours[id];
-        context.setLineDash(mark === 'dash' ? [3, 3] : []);
+        context.setLineDash(DASHES[mark] ?? []);
         lines.stroke(context, camera, this.projection, until);
         context.setLineDash([]);
         context.globalAlpha = 1;
@@ -96,7 +99,7 @@ class Layers {
           });
         });
     }
-    simple('doubted', 'doubted by the robust kernel', !dense, 0.9, 1.2, 'dash');
+    simple('doubted', 'doubted by the robust kernel', !dense, 0.9, 1.2, 'dash-dot');
   }
 
   closures(scene) {
@@ -104,18 +107,18 @@ class Layers {
     const ends = Int32Array.from(scene.closures.flatMap((closure) => [closure.target, closure.source]));
     const born = Float32Array.from(scene.closures, (closure) => scene.time[closure.source]);
     this.middles = new Float32Array(ends.length);
-    for (const [id, label] of [['turned-down', 'closures turned down'], ['redundant', 'closures that say the same'],
-      ['closures', 'loop closures']]) {
+    for (const [id, label, mark] of [['turned-down', 'closures turned down', 'dots'],
+      ['redundant', 'closures that say the same', 'dash'], ['closures', 'loop closures', 'line']]) {
       const wanted = id === 'closures';
       const mine = [...scene.closures.keys()].filter((k) => closureLayer(scene.closures[k]) === id);
       if (!mine.length) continue;
       const lines = new Segments(ends, mine, born), colour = () => (wanted ? colours.loop : colours.rejected);
-      this.add(id, label, wanted, mine.length, wanted ? 'line' : 'dash', colour, (context, camera, until) => {
+      this.add(id, label, wanted, mine.length, mark, colour, (context, camera, until) => {
         context.strokeStyle = colour();
         context.fillStyle = colour();
         context.lineWidth = wanted ? 1.5 : 1;
         context.globalAlpha = wanted ? 0.95 : 0.7;
-        context.setLineDash(wanted ? [] : [2, 4]);
+        context.setLineDash(DASHES[mark] ?? []);
         lines.stroke(context, camera, this.projection, until);
         context.setLineDash([]);
         const [mx, my] = this.middlesOf(ends);
