@@ -89,6 +89,17 @@ def test_a_robot_that_stands_tells_nothing() -> None:
     assert times == BeamTimes()
 
 
+@pytest.mark.parametrize("returns", [0, 4])
+def test_scans_without_returns_tell_nothing(returns: int) -> None:
+    log = driven(INTERLACED)
+    bare = [replace(s, ranges=np.where(np.arange(360) < returns, s.ranges, np.inf)) for s in recorded(log)]
+    times = found(bare, log, share=0.5)
+    assert not times
+    started = find_beam_times(bare, log.T_world_robot, np.ones((log.scan_count, 3)), np.ones(log.scan_count, np.bool_),
+                              PERIOD, start=BeamTimes(0.01, 0.01))
+    assert not started
+
+
 def test_what_would_take_longer_than_a_scan_is_not_believed() -> None:
     log = driven(SWEEPING)
     moved = body_velocities(log.timestamps, log.T_world_robot)

@@ -32,7 +32,7 @@ SCANS = 120  # that are looked at by themselves at most
 PAIRS = 240  # of scans that are compared at most,
 PAIRS_A_SCAN = 4  # and so many of each,
 NEAR, TURNED = 2.0, 1.2  # metres and radians between the two at most
-LEAST_SCANS, LEAST_PAIRS = 10, 10
+LEAST_SCANS, LEAST_PAIRS, LEAST_RETURNS = 10, 10, 100
 ROUNDS = 8  # of linearisation at most,
 SETTLED, SETTLED_SIGMAS = 2e-4, 0.5  # until the estimate moves less than this, seconds, or than so many deviations
 FURTHER = 3.0  # times a step at most that is taken where the steps before fell short
@@ -168,6 +168,8 @@ def _interlace(
             parts.append((residual, slope))
         owner = np.repeat(np.arange(len(parts)), [len(residual) for residual, _ in parts])
         residual, slope = (np.concatenate(column) for column in zip(*parts, strict=True))
+        if len(residual) < LEAST_RETURNS:
+            return replace(found, interlace=0.0, interlace_deviation=float("inf"))
         # Least absolute values; far, grazing walls, which motion moves most and whose normals are worst, do not rule.
         weight = 1.0 / np.maximum(np.abs(residual), LEAST_RESIDUAL)
         weight /= 1.0 + np.square(slope / max(LEVERAGE * float(np.median(np.abs(slope))), TINY))
@@ -221,7 +223,7 @@ def _sweep(
             flows.append(_flow(cloud, velocity) * sweep_of(len(scan.ranges))[beams][:, None])
         sums, T_first_second = _pair_sums(clouds, np.concatenate(flows), pairs, T_first_second)
         if len(sums.curvature) < LEAST_PAIRS:
-            break
+            return replace(found, sweep=0.0, sweep_deviation=float("inf"))
         sweep = found.sweep + search.step(sums)
         found = replace(found, sweep=sweep, sweep_deviation=sums.deviation())
         if search.settled:
@@ -235,6 +237,8 @@ def _pair_sums(clouds: list[ScanPoints], flow: Array, pairs: Index, T_start: Arr
 
     batch = join([index_cloud(cloud) for cloud in clouds])
     cloud, offsets = batch.cloud, batch.offsets
+    if len(cloud) < LEAST_RETURNS:
+        return _Slope(np.zeros(0), np.zeros(0)), T_start
     fine = align(batch, batch.as_sources(), pairs.astype(np.int32), T_start, options=ALIGNMENT)
     T = fine.T_target_source
     # All returns of the second scan of each pair, and the nearest of the first within the radius.
