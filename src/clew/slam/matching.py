@@ -109,7 +109,6 @@ class ScanMatcher:
         unmatched = Match(predicted, prior, predicted, np.zeros((3, 3)), np.zeros((3, 3)), transport)
         if len(points) < LEAST_POINTS:
             return unmatched
-        options = self._config.tracking
         start = self._search(local_map, points, predicted, prior, prediction) if near is None else near
         seen, through = local_map.views.looks_at(points, start)
         moved = contradicted(seen, through)
