@@ -168,6 +168,8 @@ class LoopCloser:
             before = self._known()
             self.settle()
             self._catch_up(may_go_on)
+            if stop is not None and stop():
+                break
             self._match_sequences()
             if self._known() == before:
                 break
