@@ -13,7 +13,7 @@ from clew.factors import Between, PointObservation
 from clew.geometry import SE2, Point2, se2
 from clew.graph import FactorGraph
 from clew.noise import information_from_covariance, information_from_matrix
-from clew.place import NEW, Gates, joint_compatibility, nearest_neighbour
+from clew.place import NEW, Gates, JoinBudget, joint_compatibility, nearest_neighbour
 from clew.slam.landmarks.components import VarianceComponents, inverted
 from clew.slam.landmarks.existence import never_there
 from clew.slam.landmarks.filter import LandmarkFilter
@@ -40,6 +40,8 @@ _LOG = logging.getLogger(__name__)
 _FIRST = 20  # sightings before the first solve, which shows how noisy they are
 _SHARE = 0.05  # of all sightings after which the graph of a long log is solved again
 _ROUNDS = 30  # of looking at associations again, at most, in one solve
+_PAIRS_A_SIGHTING, _PAIRS_IN_THE_END = 4, 2  # that comparing landmarks may cost: of sightings since a solve; of all
+_FEWEST_PAIRS = 200  # that it may cost in any solve
 _QUIETER = 2.0  # times that the noise may prove smaller before all is associated again
 _MARGIN = 1.5  # of the distance at which landmarks are kept in the filter
 _SETTLED = 0.02  # change of a variance component, as a share, that is not worth another solve
@@ -76,7 +78,7 @@ class LandmarkMapper:
         self._motions, self._seen = Motions(), Seen()
         self._fresh_poses: list[tuple[int, Array]] = []
         self._factors: tuple[Between, PointObservation] | None = None
-        self._since = self._exhausted = 0
+        self._since = self._exhausted = self._postponed = 0
         self._compared = Compared()
         self._squares = (np.empty((0, 2)), np.empty((0, 2, 2)))  # of the sightings at the last solution
         self._density = 0.0
@@ -127,6 +129,11 @@ class LandmarkMapper:
     def exhausted(self) -> int:
         """Moments at which the joint association stopped at its limit and took the best that it had found."""
         return self._exhausted
+
+    @property
+    def postponed(self) -> int:
+        """Solves at which comparing landmarks stopped at its limit; some that are one may have stayed two."""
+        return self._postponed
 
     @property
     def landmarks(self) -> Indices:
@@ -196,6 +203,8 @@ class LandmarkMapper:
         """
         if final:
             self._compared = Compared()  # with all that is known in the end, everything once more
+        allowed = _PAIRS_IN_THE_END * len(self._seen) if final else _PAIRS_A_SIGHTING * self._since
+        self._budget = JoinBudget(max(allowed, _FEWEST_PAIRS))
         self._grow()
         solution = self._optimize()
         self._suspected = np.zeros(len(self._seen), bool)
@@ -208,6 +217,7 @@ class LandmarkMapper:
                 elif not self._review(solution, final):
                     break
             solution = self._optimize()
+        self._postponed += self._budget.stopped > 0
         if final:
             solution = self._split(solution)
             self._rename(join_singles(solution, self._seen))
@@ -289,7 +299,7 @@ class LandmarkMapper:
         landmark = self._seen.landmark
         if not (landmark >= 0).any():
             return False
-        if self._rename(join(solution, self._seen, self._compared)):
+        if self._rename(join(solution, self._seen, self._compared, self._budget)):
             return True
         used = np.flatnonzero(landmark >= 0)
         wrong = used[contradicted(self._factors[1], self._squares, self.config.gates)]
