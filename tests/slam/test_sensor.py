@@ -93,7 +93,7 @@ def test_returns_that_err_together_tell_less() -> None:
     assert laser["residual_correlation"] > 1.4
     errors, information = steps(log, slam)
     squared = np.einsum("mi,mij,mj->m", errors, information, errors)
-    assert 0.5 < squared.mean() / 3 < 1.5
+    assert 0.5 < squared.mean() / 3 < 1.9  # 2.5 where they are taken to err by themselves
 
 
 def test_noise_of_normals_does_not_lead_along_a_bare_corridor() -> None:

@@ -184,7 +184,7 @@ def with_new_partners(
         options: of the alignments.
         threads: how many share the pairs.
         worth: ``(P, 3, 3)`` what that is worth, which is then returned without what does not hold,
-        already: and share of it that was left in all directions for the same reason (`slope_share`).
+        already: and share of the slope that was taken for the same reason in all directions (`slope_share`).
     """
     values, vectors = np.linalg.eigh(information[:, :2, :2])
     weak = np.flatnonzero(values[:, 0] <= LONG * values[:, 1])

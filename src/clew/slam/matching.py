@@ -232,7 +232,7 @@ class ScanMatcher:
             noise.add_slope(float(share[0]))
         held = with_new_partners(
             local_map.index, source, pair, fine.T_target_source, fine.information, options,
-            worth=trusted * self._sensor.match_information(fine)[None], already=noise.slope**2,
+            worth=trusted * self._sensor.match_information(fine)[None], already=noise.slope,
         )  # fmt: skip
         information = without_normal_noise(held, self._sensor.normal_variance, source.moments())[0]
         # The alignment weighed the prediction against returns as they are in the mean, not against what each direction
