@@ -95,11 +95,11 @@ def test_scans_full_of_people_tell_less() -> None:
     """Returns that contradict what was seen before, and those that are left with them, are worth less."""
     slam = Slam()
     numbers = []
-    for person in (1e3, 4.0):
+    for person in (1e3, 3.0):
         slam = Slam()
         for step in range(12):
             x = 0.2 * step
             slam.add_odometry(Odometry(x, np.array([x, 0.0, 0.0])))
             slam.add_scan(beside(x, person if step == 11 else 1e3, x))
         numbers.append(slam._tracker._covariance[1, 1])
-    assert numbers[1] > 1.12 * numbers[0]  # 1.07 by the number of returns alone
+    assert numbers[1] > 1.15 * numbers[0]  # alike if nothing but their number counted
