@@ -47,7 +47,7 @@ from clew.evaluate import (
 )
 from clew.geometry import se2
 from clew.io import Log, open_log, read_tum
-from clew.mapping import moving_returns
+from clew.mapping import MovingOptions, moving_returns
 from clew.motion import Odometry
 from clew.scan import LaserScan
 from clew.sim import KINDS, OdometryModel, SimulatedLog, Slips, disturbed, simulate_kind, write_carmen
@@ -204,14 +204,17 @@ def real_logs(names: list[str], data: Path, output: Path, worse: float, odometry
                  "revisits: deg", *SELF_COLUMNS, *RUN_COLUMNS], rows)
 
 
-def moving_found(folder: Path, log: SimulatedLog) -> tuple[float, float, float]:
-    """Shares of the returns of people, of doors that are not open, and of what stays, that count as moving.
+def moving_found(folder: Path, log: SimulatedLog) -> tuple[float, float, float, float]:
+    """Shares of the returns of people, of doors that are not open, of those of them whose place was ever seen through,
+    and of what stays, that count as moving.
 
     At the poses of the run. A leaf that stands wide open, as doors mostly do here, is part of the building.
     """
     poses, known = poses_at(*read_tum(folder / "trajectory.tum"), log.timestamps, 1e-3)
     rows = np.flatnonzero(known)
-    found = np.stack(moving_returns([log.scan(int(i)) for i in rows], in_plane(poses[rows])))
+    scans = [log.scan(int(i)) for i in rows]
+    found = np.stack(moving_returns(scans, in_plane(poses[rows])))
+    seen_through = np.stack(moving_returns(scans, in_plane(poses[rows]), options=MovingOptions(looks=1, seen=1.0)))
     door, moving, returned = log.door[rows], log.moving[rows], np.isfinite(log.ranges[rows])
     scan, beam = np.nonzero(door)
     T_world_sensor = se2.compose(log.T_world_robot[rows[scan]], np.array(log.laser.T_robot_sensor))
@@ -220,12 +223,14 @@ def moving_found(folder: Path, log: SimulatedLog) -> tuple[float, float, float]:
     points = T_world_sensor[:, :2] + log.ranges[rows[scan], beam][:, None] * direction
     nearest = np.zeros(0, np.int64) if not len(scan) else cKDTree(log.world.doors[:, 0]).query(points)[1]
     not_open = log.door_share[rows[scan], nearest] < 0.9
-    kinds = (found[moving & ~door], found[scan[not_open], beam[not_open]], found[returned & ~moving])
-    people, doors, still = (float(kind.mean()) if len(kind) else float("nan") for kind in kinds)
-    return people, doors, still
+    of_doors = found[scan[not_open], beam[not_open]]
+    opened = seen_through[scan[not_open], beam[not_open]]
+    kinds = (found[moving & ~door], of_doors, of_doors[opened], found[returned & ~moving])
+    people, doors, doors_opened, still = (float(kind.mean()) if len(kind) else float("nan") for kind in kinds)
+    return people, doors, doors_opened, still
 
 
-MOVING_COLUMNS = ["people found: %", "doors found: %", "still removed: %"]
+MOVING_COLUMNS = ["people found: %", "doors found: %", "of those ever seen open: %", "still removed: %"]
 
 
 def moving_cells(folder: Path, log: SimulatedLog) -> list[str]:

@@ -18,6 +18,7 @@ import argparse
 import time
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
+from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
@@ -151,15 +152,28 @@ def sweeps(worlds: list[str], seeds: list[int], duration: float) -> None:
     rows = []
     for kind in worlds:
         for seed in seeds:
-            for told, sweep, odometry in (("none", 0.0, True), ("not told", 0.1, True), ("told", 0.1, True),
-                                          ("none", 0.0, False), ("not told", 0.1, False), ("told", 0.1, False)):
-                laser = replace(SPINNING.laser, sweep=sweep)
-                log = record(WORLDS[kind](seed), Sensor(laser, SPINNING.rate), OdometryModel.medium(), seed, duration)
+            for told, odometry in product(("none", "not told", "told", "told, with a gyro"), (True, False)):
+                laser = replace(SPINNING.laser, sweep=0.0 if told == "none" else 0.1)
+                gyro = GyroModel() if told.endswith("gyro") else None
+                log = record(WORLDS[kind](seed), Sensor(laser, SPINNING.rate), OdometryModel.medium(), seed, duration,
+                             gyro)  # fmt: skip
                 stream = untold(log.measurements()) if told == "not told" else log.measurements()
                 run = estimate(log, stream, odometry)
-                rows.append([f"{kind} {seed}", "yes" if odometry else "no", told, f"{run.ate:.4f}",
-                             f"{run.largest:.3f}", f"{run.degrees:.3f}"])
-    print_table(["world", "odometry", "sweep of 0.1 s", "ATE m", "max m", "deg"], rows)
+                found = run.slam.sensor["laser"]["sweep_seconds"]  # type: ignore[index]
+                rows.append([f"{kind} {seed}", "yes" if odometry else "no", told, f"{1000 * found:.1f}",
+                             f"{run.ate:.4f}", f"{run.largest:.3f}", f"{run.degrees:.3f}",
+                             *(at_middle(log, run.slam) if told == "not told" else ("-", "-"))])
+    print_table(["world", "odometry", "sweep of 0.1 s", "found or told: ms", "ATE m", "max m", "deg",
+                 "about the middle: ATE m", "deg"], rows)
+
+
+def at_middle(log: SimulatedLog, slam: Slam) -> tuple[str, str]:
+    """ATE and heading error against the truth half a period after each timestamp, in the middle of the scan."""
+    poses = log.T_world_robot
+    middle = se2.compose(poses[:-1], se2.exp(0.5 * se2.log(se2.between(poses[:-1], poses[1:]))))
+    run = slam.trajectory
+    error = absolute_trajectory_error(log.timestamps[:-1], middle, run.timestamps, run.T_world_robot)
+    return f"{error.translation.rmse:.4f}", f"{np.degrees(error.rotation.rmse):.3f}"
 
 
 def untold(stream: Stream) -> Iterator[LaserScan | Odometry | TurnRates]:

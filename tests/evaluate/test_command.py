@@ -18,7 +18,7 @@ from clew.errors import InputError
 from clew.geometry import se2
 from clew.io import open_log, read_tum, write_tum
 from clew.scan import LaserScan, extract_points, index_cloud, join
-from clew.sim import Drive, LaserModel, OdometryModel, hall, simulate, write_carmen
+from clew.sim import Drive, LaserModel, OdometryModel, drive, hall, office_building, simulate, tour, write_carmen
 
 
 @pytest.fixture
@@ -122,6 +122,25 @@ def test_self_prints_both_measures(app: typer.Typer, laps: Path) -> None:
     output = run(app, laps / "true.tum", "--self", laps / "laps.log")
     assert "revisits, own scans" in output
     assert "returns about their walls: median 0." in output
+
+
+def test_self_finds_out_when_beams_were_measured_whatever_the_poses(app: typer.Typer, tmp_path: Path) -> None:
+    """The file does not say that every second beam comes later; a bent trajectory is not judged the better for it."""
+    world = office_building(3)
+    laser = LaserModel(361, resolution=0.001, sigma_range=0.005, sweep=1 / 150, interlace=1 / 75)
+    log = simulate(world, drive(tour(world, 3, 200.0), rate=5.0, duration=120.0), laser, OdometryModel.medium(), 3)
+    write_carmen(log, tmp_path / "drive.log")
+    bent = log.T_world_robot.copy()
+    bent[:, 0] += 0.1 * np.sin(0.1 * log.timestamps)  # 10 cm to and fro in a minute
+    reports = {}
+    for name, poses in (("true", log.T_world_robot), ("bent", bent)):
+        write_tum(tmp_path / f"{name}.tum", log.timestamps, poses)
+        arguments = (tmp_path / f"{name}.tum", "--self", tmp_path / "drive.log")
+        reports[name] = json.loads(run(app, *arguments, "--json"))["self"]
+        assert reports[name]["interlace_found_s"] == pytest.approx(1 / 75, rel=0.08)
+    assert "motion within scans taken out" in run(app, *arguments)
+    assert reports["true"]["spread"]["median_m"] < 0.006
+    assert reports["bent"]["spread"]["median_m"] > 1.1 * reports["true"]["spread"]["median_m"]
 
 
 def test_self_takes_the_motion_out_of_sweeps() -> None:

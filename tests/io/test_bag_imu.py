@@ -11,6 +11,7 @@ import pytest
 from clew.errors import InputError
 from clew.io import Log, log_health, open_log, write_bag
 from clew.motion import TurnRates
+from clew.scan import LaserScan
 from clew.sim import GyroModel, LaserModel, simulate_kind
 
 pytest.importorskip("rosbags")
@@ -121,6 +122,20 @@ def test_damaged_readings_are_left_out_and_counted(tmp_path: Path) -> None:
     assert rates_of(log) == [0.0, 2.0, 1.0, 4.0]
     assert log.report.skipped == {"broken Imu": 2, "second turn rate of one moment": 1,
                                   "turn rate with a time far from all others": 1}
+
+
+def test_rates_within_a_sweep_come_before_its_scan_from_simulator_and_bag_alike(tmp_path: Path) -> None:
+    laser = LaserModel(beams=21, sweep=0.15)
+    simulated = simulate_kind("loop", 1, duration=4.0, laser=laser, gyro=GyroModel(rate=50.0))
+    write_bag(tmp_path / "log", simulated, "sqlite3")
+    for source in (simulated, open_log(tmp_path / "log")):
+        latest = 0.0
+        for m in source.measurements():
+            if isinstance(m, TurnRates):
+                latest = m.timestamps[-1]
+            elif isinstance(m, LaserScan) and m.timestamp < 3.5:
+                assert m.time_increment * len(m.ranges) == pytest.approx(0.15, rel=0.06)
+                assert m.timestamp + 0.13 < latest <= m.timestamp + 0.16
 
 
 @pytest.mark.parametrize("kind", KINDS)

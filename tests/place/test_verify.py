@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from clew.geometry import se2
-from clew.place import Verdict
+from clew.place import Verdict, build_submap
+from clew.scan import ScanPoints
 from place.places import CORRIDOR, OTHER, PERIODIC, ROOM, matched, points_of, submap_of
 
 
@@ -117,3 +118,21 @@ def test_submap_of_a_mounted_laser_is_the_same_place() -> None:
     np.testing.assert_allclose(mounted.surfels.points, plain.surfels.points, atol=1e-9)
     np.testing.assert_allclose(mounted.rays.T_world_sensor, plain.rays.T_world_sensor, atol=1e-12)
     np.testing.assert_allclose(mounted.rays.endpoints, plain.rays.endpoints, atol=1e-12)
+
+
+def near(cloud: ScanPoints) -> ScanPoints:
+    """What a laser sees that looks no farther than a metre and a half along."""
+    kept = np.abs(cloud.points[:, 0]) < 1.5
+    return ScanPoints(cloud.points[kept], cloud.normals[kept], cloud.along[kept], cloud.weights[kept])
+
+
+@pytest.mark.parametrize("telling", [6, 0])
+def test_a_match_that_most_overlap_drew_along_a_bare_corridor_is_partial(telling: int) -> None:
+    """Half of what the query sees lies beyond the submap; farther back more of it overlaps, and no rival comes near."""
+    short = [near(points_of(CORRIDOR, np.array([x, 0.0, 0.0]), seed)) for seed, x in enumerate((0.0, 0.4, 4.0))]
+    submap = build_submap(7, short[:2], np.array([[0.0, 0.0, 0.0], [0.4, 0.0, 0.0]]), np.zeros((2, 3)))
+    T = np.array([1.6, 0.0, 0.0])
+    closure = matched(submap, short[2], T, (1.5, 0.3, 0.1), may_slide=True, telling=telling, overlap=0.2)
+    assert closure.is_partial == (telling > 0)
+    assert (abs(closure.T_target_source[0] - 1.6) < 0.5) == (telling > 0)  # where it is expected
+    assert closure.telling < 6

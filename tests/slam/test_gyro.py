@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from clew.errors import InputError
 from clew.evaluate import absolute_trajectory_error
-from clew.geometry import se2
+from clew.geometry import se2, wrap
 from clew.io import open_log, write_bag
 from clew.motion import GyroHeading, TurnRates
 from clew.scan import LaserScan
@@ -130,6 +130,29 @@ def test_a_gyro_tells_turns_where_there_is_no_odometry() -> None:
         increment, deviation = robot.turn(turn)
         assert increment[2] == pytest.approx(turn, abs=0.01)
         assert deviation < 0.02
+
+
+def test_turns_within_a_sweep_are_taken_out_by_the_gyro() -> None:
+    """A beam without return tells by how much it was turned."""
+    laser = LaserModel(300, np.radians(358.8), range_min=0.02, range_max=12.0, sweep=0.1)
+    log = simulate_kind("hall", 46, duration=30.0, rate=8.0, laser=laser, gyro=GYRO)
+    heading = np.unwrap(log.T_world_robot[:, 2])
+
+    def error(use: bool) -> float:
+        slam, errors = Slam(), []
+        for m in log.measurements():
+            if isinstance(m, TurnRates) and not use:
+                continue
+            slam.add(m)
+            if isinstance(m, LaserScan) and m.timestamp > 15.0:
+                assert slam.last_scan is not None
+                assert slam.last_scan.bearings is not None
+                beam = np.flatnonzero(~np.isfinite(m.ranges))[-1]
+                begin, end = np.interp([m.timestamp, m.timestamp + beam * m.time_increment], log.timestamps, heading)
+                errors.append(wrap(slam.last_scan.bearings[beam] - m.angles[beam]) - (end - begin))
+        return float(np.sqrt(np.mean(np.square(errors))))
+
+    assert error(True) < 0.4 * error(False)
 
 
 @pytest.mark.parametrize("style", ["mcap", "ros1"])

@@ -66,6 +66,11 @@ def test_a_place_is_found_after_thirty_metres_of_drift_with_the_robot_facing_the
         assert np.hypot(off[0], off[1]) < 0.1
         assert abs(off[2]) < 0.02
     assert max(m.innovation[0] for m in found) > 25.0
+    for candidate in candidates:  # searched where what is seen lies on what was seen, whichever way the robot faces
+        assert not candidate.is_near
+        seen = se2.act(candidate.centre, query.view[None])[0]
+        np.testing.assert_allclose(seen, closer._places.view(candidate.anchor), atol=1e-9)
+        assert np.hypot(*query.view) > 0.5
 
 
 def test_a_keyframe_that_saw_nothing_itself_is_no_place_and_looks_for_none() -> None:

@@ -207,3 +207,54 @@ def test_a_sweep_is_taken_out_without_odometry_too() -> None:
     assert error(log, slam) < 0.02
     moved = np.diff(slam.trajectory.T_world_robot[:, :2], axis=0)
     assert np.hypot(*moved.T).max() < 1.2 * np.hypot(*np.diff(log.T_world_robot[:, :2], axis=0).T).max()
+
+
+def untold(log: SimulatedLog) -> Iterable[LaserScan | Odometry]:
+    return (replace(m, time_increment=0.0, moments=None) if isinstance(m, LaserScan) else m
+            for m in log.measurements())
+
+
+def test_a_laser_that_takes_two_turns_for_a_scan_is_found_out_and_reported() -> None:
+    laser = LaserModel(361, sigma_range=0.005, resolution=0.001, sweep=1 / 150, interlace=1 / 75)
+    log = drive_in("office", laser, seconds=70.0)
+    slam = mapped(untold(log))
+    early = slam._sensor.beam_times  # known while the robot drives
+    assert early.interlace == pytest.approx(1 / 75, rel=0.1)
+    slam.refine()
+    told = slam.sensor["laser"]
+    assert isinstance(told, dict)
+    assert told["sweep_known_from"] == "scans"
+    assert told["interlace_seconds"] == pytest.approx(1 / 75, rel=0.1)
+    assert 0.0 <= told["sweep_seconds"] < 0.012
+    raw = [slam._scans.of_keyframes(slam.keyframe_numbers)[k].scan for k in (0, 5)]
+    assert all(np.array_equal(scan.moments, slam._sensor.beam_times.moments(361)) for scan in raw)
+
+
+def test_a_slow_sweep_that_is_not_told_is_found() -> None:
+    log = drive_in("office", SPINNING, rate=10.0, seconds=40.0)
+    slam = mapped(untold(log))
+    assert slam._sensor.beam_times.sweep == pytest.approx(SPINNING.sweep, rel=0.15)
+    slam.refine()
+    assert slam._sensor.beam_times.sweep == pytest.approx(SPINNING.sweep, rel=0.1)
+
+
+def test_what_the_log_tells_is_not_looked_for() -> None:
+    log = drive_in("office", SPINNING, rate=10.0, seconds=12.0)
+    slam = mapped(log.measurements())
+    slam.refine()
+    laser = slam.sensor["laser"]
+    assert isinstance(laser, dict)
+    assert laser["sweep_known_from"] == "log"
+    assert laser["sweep_seconds"] == pytest.approx(SPINNING.sweep, rel=0.01)
+    assert not slam._sensor.beam_times
+
+
+def test_scans_of_one_moment_stay_as_they_are() -> None:
+    log = drive_in("office", LaserModel(181), seconds=60.0)
+    slam = mapped(log.measurements())
+    slam.refine()
+    assert not slam._sensor.beam_times
+    laser = slam.sensor["laser"]
+    assert isinstance(laser, dict)
+    assert laser["sweep_known_from"] is None
+    assert all(not kept.scan.is_sweep for kept in slam._scans.of_keyframes(slam.keyframe_numbers))

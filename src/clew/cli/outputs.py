@@ -54,7 +54,7 @@ def write_closures(slam: Slam, path: Path) -> None:
         writer.writerow(
             ["source", "target", "source_time", "target_time", "verdict", "reason", "x", "y", "theta", "similarity",
              "likelihood", "overlap", "rms", "contradiction", "innovation_m", "innovation_rad", "seen_through", "rival",
-             "distance", "certain", "partial", "supporters", "telling", "within"]
+             "distance", "certain", "partial", "supporters", "telling", "in_row", "within"]
         )  # fmt: skip
         for c in closures:
             numbers = (*c.T_target_source, c.similarity, c.likelihood, c.overlap, c.rms, c.contradiction, *c.innovation,
@@ -62,7 +62,7 @@ def write_closures(slam: Slam, path: Path) -> None:
             writer.writerow(
                 [c.source, c.target, f"{stamps[c.source]:.6f}", f"{stamps[c.target]:.6f}", c.verdict.name.lower(),
                  c.verdict.value, *(f"{value:.5f}" for value in numbers), int(c.is_certain), int(c.is_partial),
-                 c.supporters, c.telling, f"{c.within:.2f}"]
+                 c.supporters, c.telling, c.in_row, f"{c.within:.5f}"]
             )  # fmt: skip
 
 

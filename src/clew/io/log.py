@@ -49,7 +49,8 @@ class Log(Protocol):
     Opened with another order than that of time (see `open_log`), timestamps may step back.
 
     Where a record carries a scan and the odometry of the same instant, the `Odometry` comes right before its
-    `LaserScan`, with the same timestamp. Readings of a gyro come as one `TurnRates` before the scan that is next.
+    `LaserScan`, with the same timestamp. Readings of a gyro come as one `TurnRates` before the scan that is
+    next, up to the end of its sweep: a laser tells of a scan when it is over.
     """
 
     path: Path

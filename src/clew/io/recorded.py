@@ -239,7 +239,8 @@ class RecordedLog:
                     scans.range_max.tolist(), strict=True)
         done, told = 0, 0
         gyro = TurnRates(self._gyro[:, 0].copy(), self._gyro[:, 1].copy())
-        rates = np.maximum.accumulate(np.searchsorted(gyro.timestamps, scans.times, side="right")).tolist()
+        rates = np.maximum.accumulate(np.searchsorted(gyro.timestamps, scans.times + scans.time_increment * scans.count,
+                                                     side="right")).tolist()
         for i, (angle_min, increment, range_min, range_max) in enumerate(laser):
             for k in range(done, after[i]):
                 yield Odometry(float(odometry[k, 0]), odometry[k, 1:4])

@@ -159,7 +159,8 @@ class _Writer:
         last = scan.angle_min + scan.angle_increment * (len(scan.ranges) - 1)
         strengths = np.zeros(0) if scan.intensities is None else scan.intensities
         return self.make(_SCAN, header=self._header(scan.timestamp, self.frames.laser), angle_min=scan.angle_min,
-                         angle_max=last, angle_increment=scan.angle_increment, time_increment=0.0, scan_time=0.0,
+                         angle_max=last, angle_increment=scan.angle_increment, time_increment=scan.time_increment,
+                         scan_time=scan.time_increment * len(scan.ranges),
                          range_min=scan.range_min, range_max=scan.range_max, ranges=scan.ranges.astype(np.float32),
                          intensities=np.asarray(strengths, dtype=np.float32))
 

@@ -46,8 +46,10 @@ class Closure:
         seen_through: share of the target's surfaces within the source's view that lie in the source's free space.
         rival: likelihood of the best pose elsewhere in the window as a share of the best one's; 0 where there is none
             that comes near.
-        telling: returns that tell the pose from each other one along a corridor; 0 where none does, or none was asked,
-        within: and so many metres along it do they not tell; 0 where none was asked, or it is partial.
+        telling: returns that fit here and not elsewhere along a corridor, less those that do the contrary, where one
+            pose in the window seemed to be the only one; 0 where none does, or none was asked.
+        in_row: matches in a row that told together where along a corridor this one is; 0 where it tells by itself.
+        within: and how far along it it may be off, two deviations by them, metres; 0 where it tells by itself.
         distance: squared Mahalanobis distance between measured and predicted pose.
         is_certain: whether the robot was known so well that a match within the window could not be another place.
         is_partial: whether it tells nothing along one direction, in which the scans fit at several poses.
@@ -70,6 +72,7 @@ class Closure:
     seen_through: float = 0.0
     rival: float = 0.0
     telling: int = 0
+    in_row: int = 0
     within: float = 0.0
     distance: float = 0.0
     is_certain: bool = False

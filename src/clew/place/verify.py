@@ -10,12 +10,21 @@ from numpy.typing import NDArray
 from clew.geometry import se2
 from clew.place.closure import Closure, Verdict
 from clew.place.submap import SEARCH_RESOLUTION, Submap
-from clew.scan import Alignment, AlignmentOptions, ScanPoints, SourceClouds, align, correlate, merge_surfels, with_new_partners
+from clew.scan import (
+    Alignment,
+    AlignmentOptions,
+    ScanPoints,
+    SourceClouds,
+    align,
+    correlate,
+    merge_surfels,
+    with_new_partners,
+)
 
 Array = NDArray[np.float64]
 
 FITS, MISSES = 0.6, 0.2  # likelihoods of a return on a surface, and of one beside it
-FINE_STEP, STEP = 0.1, 0.2  # metres; between offsets along a corridor, about the match and farther off
+STEP = 0.2  # metres; between offsets along a corridor
 ALONG = 0.97  # cosine of 14 degrees: how well the poses of a search tell the direction of a corridor
 
 
@@ -121,7 +130,8 @@ def verify(
         closure = replace(closure, rival=ratio)
         T_rival = T_rival if ratio >= options.rival_ratio else None
     ambiguous = replace(closure, verdict=Verdict.AMBIGUOUS, T_target_source=best.T_target_source)
-    if T_rival is not None and abs(se2.between(best.T_target_source, T_rival)[2]) > options.slide_angle:
+    turned = T_rival is not None and abs(se2.between(best.T_target_source, T_rival)[2]) > options.slide_angle
+    if T_rival is not None and (turned or not may_slide):
         return ambiguous
     thin = merge_surfels(query, options.fine_voxel)
     cloud = SourceClouds.single(thin)
@@ -138,22 +148,19 @@ def verify(
 
     fine, information = aligned(best.T_target_source)
     weakest = _weakest(information, options.slide_share)
-    is_partial = False
-    if weakest is not None and (T_rival is None or _is_along(weakest, best.T_target_source, T_rival)):
-        telling, within = _telling(submap, thin.points, fine.T_target_source[0], weakest, centre, half_window, options)
-        is_partial = within > options.rival_distance
-        closure = replace(closure, telling=telling, within=0.0 if is_partial else within)
-    elif T_rival is not None:
+    is_partial = T_rival is not None
+    if T_rival is not None and (weakest is None or not _is_along(weakest, best.T_target_source, T_rival)):
         return ambiguous
-    if is_partial:
-        if not may_slide:
-            across = _without(information, weakest)
-            return replace(ambiguous, telling=closure.telling, information=across, is_partial=True)
+    if weakest is not None and may_slide and not is_partial:
+        telling = _telling(submap, thin.points, fine.T_target_source[0], weakest, centre, half_window, options)
+        closure = replace(closure, telling=telling)
+        is_partial = telling < options.telling
+    if is_partial and weakest is not None:
         fine, information = aligned(_slid(fine.T_target_source[0], weakest, T_predicted))
-        weakest = _weakest(information, options.slide_share)
-        if weakest is None:
+        unknown = _weakest(information, options.slide_share)
+        if unknown is None:
             return replace(ambiguous, telling=closure.telling)
-        information = _without(information, weakest)
+        information = _without(information, unknown)
     T = fine.T_target_source[0]
     error = se2.between(T_predicted, T)
     closure = replace(
@@ -214,7 +221,7 @@ def _settled(
 def _slid(T: Array, direction: Array, T_predicted: Array) -> Array:
     """The pose on a line through a match that is nearest to the predicted one; the line is in the source's axes."""
     line = _turned(T, direction)
-    slid = T.copy()
+    slid: Array = T.copy()
     slid[:2] += line * (line @ (T_predicted[:2] - T[:2]))
     return slid
 
@@ -236,23 +243,21 @@ def _is_along(direction: Array, best: Array, rival: Array) -> bool:
 def _telling(
     submap: Submap, points: Array, T: Array, direction: Array, centre: Array, half_window: Array,
     options: VerificationOptions,
-) -> tuple[int, float]:
-    """How many returns tell a match from those that rival it along a line, in the window, and from those nearer than
-    what they do not, metres.
+) -> int:
+    """How many returns tell a match from the one that rivals it most along a line, within the window.
 
     The likelihood of all returns is the same all along a bare corridor, but for a few in a hundred; and it is less
     where less of the query lies in what the submap has seen, be the match right or wrong. So only returns count that
-    the submap has seen the place of in both poses, and that fit in one of them alone.
+    the submap has seen the place of in both poses, and that fit in one of them alone. Few do not prove a match right:
+    where beams have hit a far wall sparsely, a return beside them fits nowhere.
     """
-    line, apart = _turned(T, direction), options.rival_distance
+    line = _turned(T, direction)
     middle, half = float(line @ (centre[:2] - T[:2])), float(np.abs(line) @ half_window[:2])
-    near, far = np.arange(FINE_STEP, apart, FINE_STEP), np.arange(apart, abs(middle) + half, STEP)
-    offsets = np.concatenate([-far[::-1], -near[::-1], near, far])
+    far = np.arange(options.rival_distance, abs(middle) + half, STEP)
+    offsets = np.concatenate([-far[::-1], far])
     offsets = offsets[np.abs(offsets - middle) <= half]
     here = se2.act(T, points)
     here = here[submap.observes(here)]
-    if not len(offsets):
-        return len(here), FINE_STEP
     there = (here + offsets[:, None, None] * line).reshape(-1, 2)
     shape = (len(offsets), len(here))
     both, elsewhere = submap.observes(there).reshape(shape), submap.likelihoods(there).reshape(shape)
@@ -260,9 +265,7 @@ def _telling(
     for_it = np.count_nonzero(both & (at_best > FITS) & (elsewhere < MISSES), axis=1)
     against = np.count_nonzero(both & (at_best < MISSES) & (elsewhere > FITS), axis=1)
     telling = np.where(for_it >= options.telling_ratio * against, for_it - against, 0)
-    untold = np.abs(offsets[telling < options.telling])
-    is_far = np.abs(offsets) >= apart
-    return int(telling[is_far].min(initial=len(here))), float(untold.max(initial=0.0)) + FINE_STEP
+    return int(telling.min(initial=len(here)))
 
 
 def _weakest(information: Array, share: float) -> Array | None:

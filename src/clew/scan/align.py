@@ -168,6 +168,7 @@ def with_new_partners(
     threads: int = 1,
     *,
     worth: Array | None = None,
+    already: float = 1.0,
 ) -> Array:
     """Information ``(P, 3, 3)`` of alignments without what holds only while their partners stay the same.
 
@@ -182,7 +183,8 @@ def with_new_partners(
         information: ``(P, 3, 3)`` that they had there.
         options: of the alignments.
         threads: how many share the pairs.
-        worth: ``(P, 3, 3)`` what that is worth, which is then returned without what does not hold.
+        worth: ``(P, 3, 3)`` what that is worth, which is then returned without what does not hold,
+        already: and share of it that was left in all directions for the same reason (`slope_share`).
     """
     values, vectors = np.linalg.eigh(information[:, :2, :2])
     weak = np.flatnonzero(values[:, 0] <= LONG * values[:, 1])
@@ -192,7 +194,7 @@ def with_new_partners(
     values, vectors = values[weak], vectors[weak]
     weakest = np.concatenate([vectors[:, :, 0], np.zeros((len(weak), 1))], axis=1)
     curvature = _curvature(targets, sources, pairs[weak], T_target_source[weak], weakest, PROBE, options, threads)
-    share = np.clip(curvature / np.maximum(values[:, 0], TINY), LEAST_CURVATURE, 1.0)
+    share = np.clip(curvature / np.maximum(already * values[:, 0], TINY), LEAST_CURVATURE, 1.0)
     scale = np.zeros((len(weak), 3, 3))
     scale[:, :2, :2] = (vectors * np.sqrt(np.stack([share, np.ones_like(share)], axis=1))[:, None]) @ np.swapaxes(
         vectors, 1, 2

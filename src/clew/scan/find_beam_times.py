@@ -14,7 +14,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 
 from clew.geometry import se2
 from clew.scan.align import AlignmentOptions, align
@@ -35,11 +34,13 @@ PAIRS_A_SCAN = 4  # and so many of each,
 NEAR, TURNED = 2.0, 1.2  # metres and radians between the two at most
 LEAST_SCANS, LEAST_PAIRS = 10, 10
 ROUNDS = 8  # of linearisation at most,
-SETTLED = 2e-4  # seconds; until the estimate moves less
+SETTLED, SETTLED_SIGMAS = 2e-4, 0.5  # until the estimate moves less than this, seconds, or than so many deviations
 FURTHER = 3.0  # times a step at most that is taken where the steps before fell short
 RADIUS = 0.1  # metres; within which a return finds its partner
 FACING = 0.7  # least cosine between their normals
 OVERLAP = 0.5  # share of returns with a partner
+LEAST_RESIDUAL = 1e-3  # metres; ranges are not told more finely
+LEVERAGE = 3.0  # times what the motion moves the median return, from which on a return counts less
 BLOCKS = 10  # of scans or pairs next to each other in time: what they err by together is in the deviations
 SIGMAS = 4.0  # an estimate counts when it is so many deviations
 LEAST_SECONDS = 1e-3  # and this from zero; less does no harm and may be the roughness of the world
@@ -82,12 +83,12 @@ class _Search:
         self._taken = 0.0  # and as it was taken
         self.settled = False
 
-    def step(self, linear: float) -> float:
-        taken = linear
+    def step(self, sums: _Slope) -> float:
+        linear = taken = sums.step
         if self._last is not None and self._last * (self._last - linear) > 0.0:
             taken = linear * min(max(self._taken / (self._last - linear), 1.0), FURTHER)
         self._last, self._taken = linear, taken
-        self.settled = abs(taken) < SETTLED
+        self.settled = abs(taken) < max(SETTLED, SETTLED_SIGMAS * sums.deviation())
         return taken
 
 
@@ -167,10 +168,12 @@ def _interlace(
             parts.append((residual, slope))
         owner = np.repeat(np.arange(len(parts)), [len(residual) for residual, _ in parts])
         residual, slope = (np.concatenate(column) for column in zip(*parts, strict=True))
-        weight = _weights(residual)
+        # Least absolute values; far, grazing walls, which motion moves most and whose normals are worst, do not rule.
+        weight = 1.0 / np.maximum(np.abs(residual), LEAST_RESIDUAL)
+        weight /= 1.0 + np.square(slope / max(LEVERAGE * float(np.median(np.abs(slope))), TINY))
         curvature, gradient = (np.bincount(owner, weight * slope * other, len(parts)) for other in (slope, residual))
         sums = _Slope(curvature.astype(np.float64), gradient.astype(np.float64))
-        interlace = found.interlace + search.step(sums.step)
+        interlace = found.interlace + search.step(sums)
         found = replace(found, interlace=interlace, interlace_deviation=sums.deviation())
         if search.settled:
             break
@@ -179,6 +182,8 @@ def _interlace(
 
 def _telling_pairs(poses: Array, velocities: Array, usable: Index, most: int) -> Index:
     """Pairs ``(P, 2)`` of scans of one place during which the robot moved differently, in the order of time."""
+    from scipy.spatial import cKDTree  # slow to import
+
     near = cKDTree(poses[usable, :2]).query_pairs(NEAR, output_type="ndarray") if len(usable) else np.zeros((0, 2))
     pairs = np.sort(usable[near.astype(np.int64)].reshape(-1, 2), axis=1)
     turn = se2.between(poses[pairs[:, 0]], poses[pairs[:, 1]])[:, 2]
@@ -217,7 +222,7 @@ def _sweep(
         sums, T_first_second = _pair_sums(clouds, np.concatenate(flows), pairs, T_first_second)
         if len(sums.curvature) < LEAST_PAIRS:
             break
-        sweep = found.sweep + search.step(sums.step)
+        sweep = found.sweep + search.step(sums)
         found = replace(found, sweep=sweep, sweep_deviation=sums.deviation())
         if search.settled:
             break
@@ -226,6 +231,8 @@ def _sweep(
 
 def _pair_sums(clouds: list[ScanPoints], flow: Array, pairs: Index, T_start: Array) -> tuple[_Slope, Array]:
     """Sums of each pair that overlaps, its relative pose eliminated; and all relative poses ``(P, 3)``."""
+    from scipy.spatial import cKDTree
+
     batch = join([index_cloud(cloud) for cloud in clouds])
     cloud, offsets = batch.cloud, batch.offsets
     fine = align(batch, batch.as_sources(), pairs.astype(np.int32), T_start, options=ALIGNMENT)

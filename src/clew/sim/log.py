@@ -92,11 +92,11 @@ class SimulatedLog:
                          moments=self.laser.moments if self.laser.interlace else None)
 
     def measurements(self) -> Iterator[LaserScan | Odometry | TurnRates]:
-        """Yield the gyro's readings since the last scan, the odometry and then the scan of each timestamp."""
+        """Yield the gyro's readings up to the end of the scan, the odometry and then the scan of each timestamp."""
         done = 0
         for index, timestamp in enumerate(self.timestamps.tolist()):
             if self.gyro is not None:
-                after = int(np.searchsorted(self.gyro.timestamps, timestamp, side="right"))
+                after = int(np.searchsorted(self.gyro.timestamps, timestamp + self.laser.sweep, side="right"))
                 if after > done:
                     yield self.gyro.part(done, after)
                 done = after

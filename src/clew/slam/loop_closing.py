@@ -20,7 +20,7 @@ from clew.slam.loop_matching import LoopMatcher
 from clew.slam.loop_sequences import SequenceMatcher
 from clew.slam.loop_uncertainty import way_covariance
 from clew.slam.places import Places
-from clew.slam.pose_graph import LEAST_INFORMATION, PoseGraph
+from clew.slam.pose_graph import PoseGraph
 from clew.slam.sensor import SensorModel
 
 Array = NDArray[np.float64]
@@ -168,6 +168,8 @@ class LoopCloser:
             before = self._known()
             self.settle()
             self._catch_up(may_go_on)
+            if stop is not None and stop():
+                break
             self._match_sequences()
             if self._known() == before:
                 break
@@ -175,7 +177,8 @@ class LoopCloser:
     def _match_sequences(self) -> None:
         """Make whole what is partial where several in a row are clear together."""
         for closure in self._sequences.match(self._beliefs.held):
-            self._rejected.add(self._beliefs.add(closure))
+            replaced = self._beliefs.add(closure)
+            self._rejected.add(c for c in replaced if c.target != closure.target)
             self._pending += 1
         self.settle()
 
@@ -363,9 +366,7 @@ class LoopCloser:
 def _unknown(best: Closure, rival: Closure) -> Array | None:
     """Covariance ``(3, 3)`` of what partial closures of one keyframe do not tell, so that they agree in the rest.
 
-    While the robot may be farther off, a partial one shows that a match along its line is not the only one, unless
-    returns tell that one from all others there.
+    While the robot may be farther off, a partial one shows that a match along its line is not the only one.
     """
-    knows = best.is_certain or best.within > 0.0
-    partial = [np.linalg.inv(c.information + LEAST_INFORMATION) for c in (best, rival) if c.is_partial and knows]
+    partial = [np.linalg.inv(c.information) for c in (best, rival) if c.is_partial and best.is_certain]
     return np.sum(partial, axis=0) if partial else None

@@ -65,9 +65,6 @@ class LoopMatcher:
         worth = self._sensor.return_information(self._config.closing.information_scale)
         of_returns = without_normal_noise(closure.information, self._sensor.normal_variance)
         information = worth * of_returns + LEAST_INFORMATION
-        if closure.within > 0.0:  # what ends beside the way tells where along it the match is, though no surface does
-            axis = np.append(np.linalg.eigh(closure.information[:2, :2])[1][:, 0], 0.0)
-            information = information + np.outer(axis, axis) / (0.5 * closure.within) ** 2
         bent = deformation(self._keyframes, closure, self._config.closing)
         if closure.is_partial:
             bent[:2, :2] += bent[2, 2] * np.trace(candidate.covariance[:2, :2]) * np.eye(2)

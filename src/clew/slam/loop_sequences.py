@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
@@ -24,8 +25,8 @@ GAP = 6.0  # metres of way between two matches of a sequence at most
 BEND = 0.97  # cosine between their lines at least
 STEP = 0.05  # metres between offsets
 FARTHEST = 5.0  # metres; of an offset
-ABOUT = 0.8  # metres; beyond that would be another place,
-SURE = 0.99  # which it is not with this probability
+ABOUT = 0.8  # metres; farther off would be another place,
+SURE = 0.99  # which it is not, with this probability
 TAILS = 3.0  # degrees of freedom of the errors of whole closures
 
 
@@ -53,7 +54,7 @@ class _Link:
     @property
     def middle(self) -> Array:
         """``(3,)`` as measured across the line, and as predicted along it."""
-        middle = self.closure.T_target_source.copy()
+        middle: Array = self.closure.T_target_source.copy()
         middle[:2] += self.line * (self.line @ (self.T_predicted[:2] - middle[:2]))
         return middle
 
@@ -66,7 +67,7 @@ class _Link:
         miss = se2.between(self.T_predicted, T)
         return replace(
             self.closure, T_target_source=T, information=information, is_partial=False,
-            innovation=(float(np.hypot(miss[0], miss[1])), float(abs(miss[2]))),
+            within=2.0 * float(np.sqrt(variance)), innovation=(float(np.hypot(miss[0], miss[1])), float(abs(miss[2]))),
         )  # fmt: skip
 
     def along(self, covariance: Array) -> float:
@@ -148,23 +149,23 @@ class SequenceMatcher:
         count = int(np.ceil(half / STEP))
         if count < 2:
             return []
-        offsets = STEP * np.arange(-count, count + 1)
+        offsets: Array = STEP * np.arange(-count, count + 1, dtype=np.float64)
         evidence = np.stack([self._evidence(link, offsets) for link in chain])
         evidence[0] -= 0.5 * np.square(offsets / chain[0].deviation)
-        variances = [self._freedom(a, b) for a, b in zip(chain[:-1], chain[1:], strict=True)]
+        variances = [self._freedom(a, b) for a, b in itertools.pairwise(chain)]
         found = []
         for link, by_all, by_others in zip(chain, *along_all(evidence, variances, offsets), strict=True):
             offset, variance = told(by_all, by_others, offsets)
             clear = float(by_all[np.abs(offsets - by_all @ offsets) <= ABOUT].sum()) >= SURE
             if link.closure.is_partial and clear and variance < UNKNOWN**2 and abs(offset) <= half:
-                found.append(replace(link.at(offset, variance), supporters=len(chain) - 1))
+                found.append(replace(link.at(offset, variance), in_row=len(chain)))
         return found
 
     def _evidence(self, link: _Link, offsets: Array) -> Array:
         closure = link.closure
         if not closure.is_partial:
             miss = float(link.line @ (closure.T_target_source[:2] - link.T_predicted[:2]))
-            squared = np.square(offsets - miss) / link.along(np.linalg.inv(closure.information))
+            squared = np.square(offsets - miss) / link.along(np.asarray(np.linalg.inv(closure.information)))
             return np.asarray(-0.5 * (TAILS + 1.0) * np.log1p(squared / TAILS))
         points = merge_surfels(self._places.query(closure.source).surfels, self._voxel).points
         alone = evidence_along(self._places.submap(closure.target), points, link.middle, link.line, offsets)

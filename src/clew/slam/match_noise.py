@@ -33,6 +33,7 @@ class MatchNoise:
     Attributes:
         rms: median residual along the normals, metres; zero until there are enough matches.
         correlation: median sum of the residuals' autocorrelation along a scan: so many returns tell as much as one.
+        slope: median share of its information that a match resists by.
         worth: what the information of an alignment is multiplied by in the mean, to be that of its returns.
     """
 
@@ -41,7 +42,7 @@ class MatchNoise:
         self._variance = 0.0
         self._matches: deque[Array] = deque(maxlen=REMEMBERED)
         self._slopes: deque[float] = deque(maxlen=REMEMBERED)
-        self._slope = FIRST_SLOPE
+        self.slope = FIRST_SLOPE
         self._since = 0  # matches since the last slope
 
     def add(self, match: Alignment) -> None:
@@ -59,7 +60,7 @@ class MatchNoise:
         """Take notice of the share of its information that a match resists by (`clew.scan.slope_share`)."""
         self._since = 0
         self._slopes.append(share)
-        self._slope = float(np.clip(np.median(self._slopes), LEAST_SLOPE, 1.0))
+        self.slope = float(np.clip(np.median(self._slopes), LEAST_SLOPE, 1.0))
 
     def information(self, match: Alignment, range_noise: float, least_noise: float) -> Array:
         """Information ``(3, 3)`` of the returns of a match, in the tangent of its pose.
@@ -78,7 +79,7 @@ class MatchNoise:
         values, vectors = np.linalg.eigh(match.push[0] / np.outer(unit, unit))
         own = np.outer(unit, unit) * ((vectors * np.maximum(values, 0.0)) @ vectors.T)  # of few returns it may be none
         push = 0.5 * (own + variance * spread) + np.diag(TINY + LEAST_PUSH * np.square(unit))
-        slope = self._slope * match.information[0]
+        slope = self.slope * match.information[0]
         information = slope @ np.linalg.solve(push, slope)
         share = float(np.trace(information[:2, :2]) / max(np.trace(match.information[0, :2, :2]), TINY))
         self.worth += (share - self.worth) / FIRST

@@ -109,7 +109,6 @@ class ScanMatcher:
         unmatched = Match(predicted, prior, predicted, np.zeros((3, 3)), np.zeros((3, 3)), transport)
         if len(points) < LEAST_POINTS:
             return unmatched
-        options = self._config.tracking
         start = self._search(local_map, points, predicted, prior, prediction) if near is None else near
         seen, through = local_map.views.looks_at(points, start)
         moved = contradicted(seen, through)
@@ -233,7 +232,7 @@ class ScanMatcher:
             noise.add_slope(float(share[0]))
         held = with_new_partners(
             local_map.index, source, pair, fine.T_target_source, fine.information, options,
-            worth=trusted * self._sensor.match_information(fine)[None],
+            worth=trusted * self._sensor.match_information(fine)[None], already=noise.slope**2,
         )  # fmt: skip
         information = without_normal_noise(held, self._sensor.normal_variance, source.moments())[0]
         # The alignment weighed the prediction against returns as they are in the mean, not against what each direction

@@ -95,12 +95,11 @@ class MotionPredictor:
         better = self._turn_errors[0] <= WORSE * self._turn_errors[1] + TURN_SLACK
         return bool(better and self._sensor.gyro.turns_along)
 
-    def turn_rate(self, heading: GyroHeading | None) -> float | None:
-        """Radians a second at a moment, where a gyro tells it that is trusted and has been compared."""
-        gyro = self._sensor.gyro.quality
-        if heading is None or not gyro.steps or not self.trusts_gyro:
+    def turn_rate(self, told: float | None) -> float | None:
+        """Radians a second without the errors of the gyro that told it, if that is proven and trusted."""
+        if told is None or not self._sensor.gyro.proven or not self.trusts_gyro:
             return None
-        return gyro.rate(heading.rate)
+        return self._sensor.gyro.quality.rate(told)
 
     def start(self, timestamp: float, T_odom_robot: Array | None, heading: GyroHeading | None = None) -> None:
         """The first scan."""
@@ -163,9 +162,9 @@ class MotionPredictor:
 
         Errors of odometry have heavy tails (wheels slip), those of a gyro have not: what contradicts the gyro is worth
         less, as in Student's t distribution (Lange, Little, Taylor 1989). Before the gyro has been seen to turn with
-        the robot, it is worth as much less itself.
+        the robot, odometry does without it, and beside the last velocity it is worth as much less itself.
         """
-        if told is None or not self.trusts_gyro:
+        if told is None or not self.trusts_gyro or (prediction.by_odometry and not self._sensor.gyro.proven):
             return prediction
         gyro = self._sensor.gyro.quality
         variance, of_gyro = float(prediction.covariance[2, 2]), gyro.variance(told)

@@ -28,12 +28,12 @@ class RecentViews:
         self._keyframes = keyframes
         self._numbers = np.empty(0, np.int64)  # of the keyframes, and of each
         self._clouds: list[ScanPoints] = []  # all of its returns,
-        self._each: list[View] = []  # what it saw,
-        self._left_out = np.empty(0, np.int64)  # and how many of its returns are left out.
+        self._each: list[View] = []  # and what it saw.
         self._owner = np.empty(0, np.int64)  # Of all returns together: row of the keyframe,
         self._points = np.empty((0, 2))  # place,
         self._seen = np.empty(0, np.int32)  # and how many of the others saw it,
-        self._through = np.empty(0, np.int32)  # or saw through it
+        self._through = np.empty(0, np.int32)  # or saw through it,
+        self._left_out = np.empty(0, np.bool_)  # and whether it is left out
         self._views = Views([])
 
     def __len__(self) -> int:
@@ -73,30 +73,28 @@ class RecentViews:
         self._views = Views(self._each)
         self._owner = np.concatenate([self._owner, np.full(len(points), len(self._numbers))])
         self._numbers = np.append(self._numbers, index)
-        self._left_out = np.append(self._left_out, 0)
         self._points = np.concatenate([self._points, points])
         self._seen = np.concatenate([self._seen, seen])
         self._through = np.concatenate([self._through, through])
+        self._left_out = np.concatenate([self._left_out, np.zeros(len(points), dtype=np.bool_)])
         return self._leave_out()
 
     def _keep(self, rows: Mask) -> None:
         """Forget all keyframes but some."""
         of_returns = rows[self._owner]
-        self._numbers, self._left_out = self._numbers[rows], self._left_out[rows]
+        self._numbers = self._numbers[rows]
         self._clouds = [cloud for cloud, kept in zip(self._clouds, rows, strict=True) if kept]
         self._each = [view for view, kept in zip(self._each, rows, strict=True) if kept]
         self._owner = (np.cumsum(rows) - 1)[self._owner[of_returns]]
-        self._points, self._seen, self._through = (
-            self._points[of_returns], self._seen[of_returns], self._through[of_returns]
-        )  # fmt: skip
+        self._points, self._left_out = self._points[of_returns], self._left_out[of_returns]
+        self._seen, self._through = self._seen[of_returns], self._through[of_returns]
 
     def _leave_out(self) -> list[int]:
         """Leave keyframes with the returns that are not contradicted; numbers of those for which these changed."""
         moved = contradicted(self._seen, self._through)
-        now = np.bincount(self._owner[moved], minlength=len(self._numbers))
-        changed = np.flatnonzero(now != self._left_out)
+        changed = np.unique(self._owner[moved != self._left_out])
         for row in changed:
             stays = ~moved[self._owner == row]
             self._keyframes.replace_points(int(self._numbers[row]), self._clouds[row].select(stays))
-        self._left_out = now
+        self._left_out = moved
         return [int(k) for k in self._numbers[changed]]

@@ -143,7 +143,8 @@ class Slam:
         self._sensor.see(scan)
         scan = self._sensor.timed(scan)
         heading = self._gyro.at(scan.timestamp)
-        tracked = self._tracker.track(scan, T_odom_robot, self._velocity(scan, T_odom_robot), heading)
+        velocity, rate = self._velocity(scan, T_odom_robot), self._turn_rate(scan)
+        tracked = self._tracker.track(scan, T_odom_robot, velocity, heading, rate)
         self._scans.add(scan, tracked.keyframe, tracked.T_keyframe_robot, T_odom_robot, tracked.velocity)
         self._last_scan = tracked.scan
         self._refined = None
@@ -184,6 +185,13 @@ class Slam:
         end = self._odometry.at(scan.timestamp + sweep)
         assert end is not None
         return np.asarray(se2.log(se2.between(T_odom_robot, end)) / sweep, dtype=np.float64)
+
+    def _turn_rate(self, scan: LaserScan) -> float | None:
+        """Radians a second during the sweep of a scan as the gyro tells it, bias and all."""
+        first, last = scan.span
+        end = self._gyro.at(scan.timestamp + last) if last > first else None
+        told = None if end is None else end.since(self._gyro.at(scan.timestamp + first))
+        return None if told is None else float(told[1] / told[0])
 
     def optimise(
         self, progress: Callable[[int, int], None] | None = None, stop: Callable[[], bool] | None = None

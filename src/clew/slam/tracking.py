@@ -27,6 +27,7 @@ SWEEP_ROUNDS = 3  # matches at most that find pose and motion during the sweep t
 SWEEP_SHARE = 0.6  # by so much of the difference at a time,
 SWEEP_STEADY = 0.002  # until what is still to be moved in a sweep is less, metres, and a hundredth of a radian for 5 m
 SWEEP_LEVER = 5.0  # metres
+CENTRED = 0.1  # share of a scan's time that its timestamp may be off its middle
 SWEEP_BLUR = 0.01  # metres; as `SWEEP_STEADY`, about the middle of a scan, where the pose hardly depends on the motion
 
 
@@ -80,7 +81,7 @@ class Tracker:
 
     def track(
         self, scan: LaserScan, T_odom_robot: Array | None, velocity: Array | None = None,
-        heading: GyroHeading | None = None,
+        heading: GyroHeading | None = None, turn_rate: float | None = None,
     ) -> TrackedScan:  # fmt: skip
         """Pose of the robot at a scan, and the scan without the robot's motion during its sweep.
 
@@ -88,9 +89,10 @@ class Tracker:
             scan: as it was recorded, with the moments of its beams where they are known.
             T_odom_robot: ``(3,)``, None where there is no odometry.
             velocity: ``(3,)`` body velocity during the sweep by odometry; without it the match tells.
-            heading: by a gyro, None where there is none.
+            heading: by a gyro, None where there is none,
+            turn_rate: and what it tells of the sweep, radians a second.
         """
-        rate = self._predictor.turn_rate(heading)
+        rate = self._predictor.turn_rate(turn_rate)
         if self._map is None:
             during = _at_rate(np.zeros(3) if velocity is None else velocity, rate)
             return self._first(deskew(scan, during), T_odom_robot, heading, during)
@@ -135,7 +137,8 @@ class Tracker:
         """
         first, last = scan.span
         sweep, share, least = last - first, SWEEP_SHARE, SWEEP_STEADY
-        if scan.moments is not None:
+        centred = abs(first + last) < CENTRED * sweep
+        if centred:
             sweep, share, least = 0.5 * sweep, 1.0, SWEEP_BLUR
         for _ in range(SWEEP_ROUNDS):
             if not match.matched:
@@ -147,7 +150,7 @@ class Tracker:
             if sweep * (np.hypot(change[0], change[1]) + SWEEP_LEVER * abs(change[2])) < least:
                 break
             points = extract_points(still, self._config.cleaning)
-            match = self._match(points, prediction, None if scan.moments is None else match.pose)
+            match = self._match(points, prediction, match.pose if centred else None)
         return still, points, match, velocity
 
     def _first(

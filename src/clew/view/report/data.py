@@ -118,6 +118,7 @@ def _closure(closure: Closure) -> dict[str, object]:
         "supporters": closure.supporters,
         "telling": closure.telling,
         "within": _number(closure.within),
+        "in_row": closure.in_row,
     }
 
 

@@ -196,10 +196,10 @@ def _gyro(slam: Slam) -> list[tuple[str, str]]:
         return []
     names = ("bias_rad_per_second", "bias_deviation_rad_per_second", "noise_rad_per_sqrt_second")
     bias, sure, noise = (np.degrees(gyro[name]) for name in names)
-    aside = gyro["matches_without_it"]
+    aside, late = gyro["matches_without_it"], round(1000 * gyro["stamped_late_seconds"])
     return [("Gyro against the map", f"bias {bias:+.2f}° a second (± {sure:.2g}), off by {noise:.2g}° after a second, "
-             f"{100 * gyro['scale_error']:+.2g} % in turns, stamped {1000 * gyro['stamped_late_seconds']:.0f} ms late; "
-             + (f"left aside at {counted(aside, 'scan')}" if aside else "used at every scan"))]
+             f"{100 * gyro['scale_error']:+.2g} % in turns, stamped {late} ms late"
+             + (f"; left aside at {counted(aside, 'scan')}" if aside else ""))]
 
 
 def _log_section(health: LogHealth | None, skipped: Mapping[str, int], slip: OdometrySlip | None,
