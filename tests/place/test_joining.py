@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from clew.place import JoinBudget, evidence_of_one, join_landmarks, landmark_density
+from clew.place import evidence_of_one, join_landmarks, landmark_density
 
 NOISE = 0.05  # metres, of each landmark by itself
 
@@ -32,20 +32,6 @@ def test_a_constellation_is_found_again_after_a_drift_larger_than_its_spacing() 
     doubled, covariance = twice(points, np.array([2.0, -1.5]), 2.0)
     pairs = join_landmarks(doubled, covariance, co_visible(8), landmark_density(points))
     assert sorted(tuple(sorted(pair)) for pair in pairs) == [(k, k + 8) for k in range(8)]
-
-
-def test_what_a_budget_does_not_suffice_for_is_left_unclear() -> None:
-    points = np.random.default_rng(3).uniform(0.0, 12.0, (8, 2))
-    doubled, covariance = twice(points, np.array([2.0, -1.5]), 2.0)
-    ample, scant = JoinBudget(10_000), JoinBudget(5)
-    pairs = join_landmarks(doubled, covariance, co_visible(8), landmark_density(points), budget=ample)
-    assert len(pairs) == 8
-    assert ample.pairs < 10_000
-    assert ample.stopped == 0
-    # the first set is found within it; its rivals cannot be looked for any more
-    assert join_landmarks(doubled, covariance, co_visible(8), landmark_density(points), budget=scant) == []
-    assert scant.pairs <= 0
-    assert scant.stopped == 1
 
 
 def test_evidence_is_the_ratio_of_densities() -> None:

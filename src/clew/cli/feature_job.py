@@ -82,7 +82,6 @@ def _summary(found: FeatureMap, log: FeatureLog, given: bool) -> dict[str, objec
         "without_landmark": int(np.sum(found.landmark < 0)),
         "identities": "given" if given else "found",
         "moments_not_searched_through": found.exhausted,
-        "comparisons_not_finished": found.postponed,
         "chi2": found.solution.chi2,
         "status": found.solution.status.name,
         "unit_variance": found.unit_variance,
@@ -105,11 +104,6 @@ def _report(summary: dict[str, object], out: Path, console: Console) -> None:
         console.print(
             f"at {summary['moments_not_searched_through']} poses landmarks stand so close for their noise that not all "
             "ways to tell them apart were tried",
-        )
-    if summary["comparisons_not_finished"]:
-        console.print(
-            f"{summary['comparisons_not_finished']} times landmarks were too many that may be one to compare them all; "
-            "some may be in the map twice",
         )
     skipped = summary["skipped"]
     assert isinstance(skipped, dict)

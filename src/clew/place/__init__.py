@@ -11,7 +11,7 @@ from clew.place.association import (
 from clew.place.closure import Closure, Verdict
 from clew.place.consistency import ConsistencyOptions, agree
 from clew.place.descriptor import Descriptor, DescriptorIndex, PairDistances, RingSpectra, TurnedRings
-from clew.place.joining import JoinBudget, JoinOptions, evidence_of_one, join_landmarks, landmark_density
+from clew.place.joining import JoinOptions, evidence_of_one, join_landmarks, landmark_density
 from clew.place.joint import JointAssociation, joint_compatibility
 from clew.place.sequence import along_all, blurred, evidence_along, told
 from clew.place.submap import Submap, build_submap, surfels_of
@@ -25,7 +25,6 @@ __all__ = [
     "Descriptor",
     "DescriptorIndex",
     "Gates",
-    "JoinBudget",
     "JoinOptions",
     "JointAssociation",
     "PairDistances",

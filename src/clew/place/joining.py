@@ -25,6 +25,7 @@ _LOG = logging.getLogger(__name__)
 
 _MOST_SEEDS = 60  # pairs from which a set is grown, the likeliest first
 _MOST_PAIRS = 100  # of a set; the rest is found once it has moved the map
+_MOST_WORK = 2_000_000  # pairs that are looked at in growing sets, each as often as a pair was added
 _MOST_UNCLEAR = 20  # pairs in a row that others contradict, after which a set is not grown further
 _HOPELESS = 4.0  # times the gate: pairs so far off, given those of the set, will hardly come back into it
 _JITTER = 1e-9  # square metres; keeps exactly equal landmarks from dividing by zero
@@ -43,19 +44,6 @@ class JoinOptions:
     probability: float = 0.999
     odds: float = 100.0
     rival_odds: float = 100.0
-
-
-@dataclass(eq=False)
-class JoinBudget:
-    """What searches for landmarks that are one may still cost: pairs added to a set, in all searches that share it.
-
-    Attributes:
-        pairs: how many may still be added.
-        stopped: searches that ended for want of them.
-    """
-
-    pairs: int
-    stopped: int = 0
 
 
 @dataclass(frozen=True)
@@ -85,13 +73,9 @@ def landmark_density(points: Array) -> float:
 
 
 def join_landmarks(
-    points: Array, covariance: Array, apart: Flags, density: float, options: JoinOptions | None = None,
-    budget: JoinBudget | None = None,
+    points: Array, covariance: Array, apart: Flags, density: float, options: JoinOptions | None = None
 ) -> list[tuple[int, int]]:
     """Pairs of landmarks that are one, as far as that is clear; empty if nothing is.
-
-    A set whose rivals could not all be looked for within the budget is not clear. Other limits of the search (seeds,
-    pairs of a set, unclear pairs in a row) are logged where they are met.
 
     Args:
         points: ``(L, 2)`` positions.
@@ -99,7 +83,6 @@ def join_landmarks(
         apart: ``(L, L)`` whether two are known to be different, for they were seen at the same moment.
         density: landmarks a square metre, see `landmark_density`.
         options: see `JoinOptions`.
-        budget: what the search may cost; charged with what it did.
     """
     options = options or JoinOptions()
     gate = chi_square_limit(options.probability, 2)
@@ -110,19 +93,17 @@ def join_landmarks(
     least, margin = np.log(options.odds), np.log(options.rival_odds)
     hypotheses: list[_Hypothesis] = []
     tried: set[int] = set()
-    budget = budget or JoinBudget(_MOST_SEEDS * _MOST_PAIRS)
-    if len(evidence) > _MOST_SEEDS:
-        _LOG.info("joining landmarks: sets are grown from the %d likeliest of %d pairs", _MOST_SEEDS, len(evidence))
+    work = 0
     for seed in np.argsort(-evidence, kind="stable")[:_MOST_SEEDS].tolist():
-        if budget.pairs <= 0:
-            budget.stopped += 1
-            _LOG.info("joining landmarks: left unclear, not all of %d pairs could be looked at", len(evidence))
-            return []
+        if work > _MOST_WORK:
+            _LOG.info("joining landmarks: rivals of a set of %d pairs among %d were not all looked for",
+                      len(hypotheses[0].rows), len(evidence))  # fmt: skip
+            break
         if seed not in tried:
             grown = _grow(seed, float(evidence[seed]), pairs, apart, density, gate, margin)
             tried.update(grown.rows)
             hypotheses.append(grown)
-            budget.pairs -= len(grown.rows)
+            work += len(grown.rows) * len(evidence)
     chosen: list[_Hypothesis] = []
     for h in sorted(hypotheses, key=lambda h: -h.evidence):
         if h.evidence < least:
@@ -216,29 +197,23 @@ def _grow(
             place = int(still[:place].sum())
             given.drop_all_but(still)
     named = zip(pairs.first[rows].tolist(), pairs.second[rows].tolist(), strict=True)
-    if len(rows) == _MOST_PAIRS:
-        _LOG.info("joining landmarks: a set ends at %d pairs; the rest is for when it has moved the map", len(rows))
     return _Hypothesis(tuple(rows), tuple(named), total)
 
 
 def _clearest(evidence: Array, first: Indices, second: Indices, apart: Flags, margin: float) -> int:
     """The likeliest pair (of landmarks `first` and `second`) that none that contradicts it comes near; -1 if none."""
     likely = np.flatnonzero(evidence > 0.0)
-    if not len(likely):
-        return -1
-    likely = likely[np.argsort(-evidence[likely], kind="stable")[:_MOST_UNCLEAR]]
-    rivals = np.flatnonzero(evidence > evidence[likely[-1]] - margin)
-    a, b = first[likely, None], second[likely, None]
-    f, s = first[rivals], second[rivals]
-    # of a rival that has one landmark in common: the other one, against the partner of the common one
-    shared = ((f == a) & apart[s, b]) | ((s == a) & apart[f, b])
-    shared |= ((f == b) & apart[s, a]) | ((s == b) & apart[f, a])
-    same = ((f == a) & (s == b)) | ((f == b) & (s == a))
-    near = evidence[rivals] > evidence[likely, None] - margin
-    clear = np.flatnonzero(~(shared & near & ~same).any(axis=1))
-    if not len(clear) and len(likely) == _MOST_UNCLEAR:
-        _LOG.info("joining landmarks: a set ends, the %d likeliest pairs contradict each other", len(likely))
-    return int(likely[clear[0]]) if len(clear) else -1
+    for place in likely[np.argsort(-evidence[likely], kind="stable")[:_MOST_UNCLEAR]].tolist():
+        a, b = first[place], second[place]
+        rivals = np.flatnonzero(evidence > evidence[place] - margin)
+        f, s = first[rivals], second[rivals]
+        # of a rival that has one landmark in common: the other one, against the partner of the common one
+        shared = ((f == a) & apart[s, b]) | ((s == a) & apart[f, b])
+        shared |= ((f == b) & apart[s, a]) | ((s == b) & apart[f, a])
+        same = ((f == a) & (s == b)) | ((f == b) & (s == a))
+        if not (shared & ~same).any():
+            return int(place)
+    return -1
 
 
 def _partners(hypothesis: _Hypothesis) -> dict[int, set[int]]:

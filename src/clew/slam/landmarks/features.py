@@ -43,7 +43,6 @@ class FeatureMap:
         unit_variance: variance of measurements as a multiple of what the log says.
         components: the same by kind of measurement, where association had to find it; else None.
         exhausted: moments whose sightings could be paired off in so many ways that not all were tried.
-        postponed: solves at which comparing landmarks stopped at its limit; some may be in the map twice.
         graph: all measurements at the solution.
         solution: of the graph.
     """
@@ -59,7 +58,6 @@ class FeatureMap:
     unit_variance: float
     components: VarianceComponents | None
     exhausted: int
-    postponed: int
     graph: FactorGraph
     solution: Solution
 
@@ -82,7 +80,7 @@ def map_features(
     if not len(log.features.keys):
         raise InputError(f"{log.path}: there are no features in it, so there is nothing to map")
     if identities and log.identity is not None:
-        return _result(log, log.identity, None, (0, 0), _solve_given(log, log.identity))
+        return _result(log, log.identity, None, 0, _solve_given(log, log.identity))
     mapper = LandmarkMapper(config, first_key=int(log.keys[0]), landmark_key=int(log.keys[-1]) + 1)
     features = log.features
     first, last = (np.searchsorted(features.keys, log.keys, side=side).tolist() for side in ("left", "right"))
@@ -100,7 +98,7 @@ def map_features(
     number = np.empty(len(keys), np.int64)
     number[np.argsort(start, kind="stable")] = np.arange(len(keys))
     landmark = np.where(found >= 0, number[np.minimum(np.searchsorted(keys, found), len(keys) - 1)], UNNAMED)
-    return _result(log, landmark, mapper.components, (mapper.exhausted, mapper.postponed), solution)
+    return _result(log, landmark, mapper.components, mapper.exhausted, solution)
 
 
 def _solve_given(log: FeatureLog, identity: Indices) -> Solution:
@@ -126,8 +124,7 @@ def _solve_given(log: FeatureLog, identity: Indices) -> Solution:
 
 
 def _result(
-    log: FeatureLog, landmark: Indices, components: VarianceComponents | None, stopped: tuple[int, int],
-    solution: Solution,
+    log: FeatureLog, landmark: Indices, components: VarianceComponents | None, exhausted: int, solution: Solution
 ) -> FeatureMap:
     """Landmarks in the order of their keys, which is that of `landmark`'s numbers where identities were given."""
     graph = solution.graph
@@ -145,5 +142,5 @@ def _result(
     return FeatureMap(
         log.keys, poses, dead_reckoning(log.motion), identity, solution.values(Point2).array[rows],
         unit * solution.covariances(Point2)[rows], count, landmark, unit, components,
-        *stopped, graph, solution,
+        exhausted, graph, solution,
     )  # fmt: skip

@@ -13,7 +13,7 @@ from clew.factors import Between, PointObservation
 from clew.geometry import SE2, Point2, se2
 from clew.graph import FactorGraph
 from clew.noise import information_from_covariance, information_from_matrix
-from clew.place import NEW, Gates, JoinBudget, joint_compatibility, nearest_neighbour
+from clew.place import NEW, Gates, joint_compatibility, nearest_neighbour
 from clew.slam.landmarks.components import VarianceComponents, inverted
 from clew.slam.landmarks.existence import never_there
 from clew.slam.landmarks.filter import LandmarkFilter
@@ -29,7 +29,6 @@ from clew.slam.landmarks.review import (
     join_singles,
     points_of,
 )
-from clew.slam.landmarks.split import two_in_one
 from clew.solve import Solution, optimize
 
 Array = NDArray[np.float64]
@@ -40,8 +39,6 @@ _LOG = logging.getLogger(__name__)
 _FIRST = 20  # sightings before the first solve, which shows how noisy they are
 _SHARE = 0.05  # of all sightings after which the graph of a long log is solved again
 _ROUNDS = 30  # of looking at associations again, at most, in one solve
-_PAIRS_A_SIGHTING, _PAIRS_IN_THE_END = 4, 2  # that comparing landmarks may cost: of sightings since a solve; of all
-_FEWEST_PAIRS = 200  # that it may cost in any solve
 _QUIETER = 2.0  # times that the noise may prove smaller before all is associated again
 _MARGIN = 1.5  # of the distance at which landmarks are kept in the filter
 _SETTLED = 0.02  # change of a variance component, as a share, that is not worth another solve
@@ -78,7 +75,7 @@ class LandmarkMapper:
         self._motions, self._seen = Motions(), Seen()
         self._fresh_poses: list[tuple[int, Array]] = []
         self._factors: tuple[Between, PointObservation] | None = None
-        self._since = self._exhausted = self._postponed = 0
+        self._since = self._exhausted = 0
         self._compared = Compared()
         self._squares = (np.empty((0, 2)), np.empty((0, 2, 2)))  # of the sightings at the last solution
         self._density = 0.0
@@ -129,11 +126,6 @@ class LandmarkMapper:
     def exhausted(self) -> int:
         """Moments at which the joint association stopped at its limit and took the best that it had found."""
         return self._exhausted
-
-    @property
-    def postponed(self) -> int:
-        """Solves at which comparing landmarks stopped at its limit; some that are one may have stayed two."""
-        return self._postponed
 
     @property
     def landmarks(self) -> Indices:
@@ -203,8 +195,6 @@ class LandmarkMapper:
         """
         if final:
             self._compared = Compared()  # with all that is known in the end, everything once more
-        allowed = _PAIRS_IN_THE_END * len(self._seen) if final else _PAIRS_A_SIGHTING * self._since
-        self._budget = JoinBudget(max(allowed, _FEWEST_PAIRS))
         self._grow()
         solution = self._optimize()
         self._suspected = np.zeros(len(self._seen), bool)
@@ -217,9 +207,7 @@ class LandmarkMapper:
                 elif not self._review(solution, final):
                     break
             solution = self._optimize()
-        self._postponed += self._budget.stopped > 0
         if final:
-            solution = self._split(solution)
             self._rename(join_singles(solution, self._seen))
             landmark = self._seen.landmark
             landmark[np.isin(landmark, never_there(solution, self._seen))] = -1
@@ -227,20 +215,6 @@ class LandmarkMapper:
             solution = self._optimize(final)
         self._restart(solution)
         return solution
-
-    def _split(self, solution: Solution) -> Solution:
-        """Give sightings a landmark of their own that are clearly of another one than they were taken for."""
-        assert self._factors is not None
-        sightings = self._factors[1]
-        found = two_in_one(solution, sightings) if len(sightings.keys) else []
-        used = np.flatnonzero(self._seen.landmark >= 0)
-        for rows in found:
-            key = self._new_key()
-            _LOG.info("landmark %d: %d of its sightings are of another one", sightings.keys[rows[0], 1], len(rows))
-            pose = solution.value(int(sightings.keys[rows[0], 0])).array
-            self.graph.add_point(se2.act(pose, sightings.measurement[rows[0]]), key=key)
-            self._seen.landmark[used[rows]] = key
-        return self._optimize() if found else solution
 
     def _optimize(self, final: bool = False) -> Solution:
         self._write_factors()
@@ -299,7 +273,7 @@ class LandmarkMapper:
         landmark = self._seen.landmark
         if not (landmark >= 0).any():
             return False
-        if self._rename(join(solution, self._seen, self._compared, self._budget)):
+        if self._rename(join(solution, self._seen, self._compared)):
             return True
         used = np.flatnonzero(landmark >= 0)
         wrong = used[contradicted(self._factors[1], self._squares, self.config.gates)]

@@ -10,7 +10,7 @@ from scipy.spatial import cKDTree
 
 from clew.factors import PointObservation
 from clew.geometry import Point2, se2, so2
-from clew.place import NEW, Gates, JoinBudget, join_landmarks, landmark_density, nearest_neighbour
+from clew.place import NEW, Gates, join_landmarks, landmark_density, nearest_neighbour
 from clew.slam.landmarks.record import Seen
 from clew.slam.landmarks.track import TAIL
 from clew.solve import Solution
@@ -68,18 +68,17 @@ class Compared:
         self.keys, self.points, self.deviation = keys[~left], points[~left], deviation[~left]
 
 
-def join(solution: Solution, seen: Seen, compared: Compared, budget: JoinBudget) -> dict[int, int]:
+def join(solution: Solution, seen: Seen, compared: Compared) -> dict[int, int]:
     """Landmarks that prove to be others: key of each that goes, and of the one that it is.
 
     Args:
         solution: of the graph.
         seen: all sightings with the landmarks that they are taken for.
         compared: only landmarks that have changed since then are compared with others; brought up to date.
-        budget: what the searches may cost; landmarks that it does not suffice for are left for the next time.
     """
     landmark = seen.landmark
     keys, counts = np.unique(landmark[landmark >= 0], return_counts=True)
-    if len(keys) < 2 or budget.pairs <= 0:
+    if len(keys) < 2:
         return {}
     points, spread = points_of(solution, keys), solution.covariances(Point2)
     order = np.argsort(solution.keys(Point2))
@@ -97,11 +96,11 @@ def join(solution: Solution, seen: Seen, compared: Compared, budget: JoinBudget)
         left[chosen] = False
     some, apart = keys[chosen], apart[np.ix_(chosen, chosen)]
     covariance, count = solution.joint_covariance(some), counts[chosen]
-    pairs = join_landmarks(points[chosen], covariance, apart, density, budget=budget)
+    pairs = join_landmarks(points[chosen], covariance, apart, density)
     if not pairs:
         apart |= (count == 1)[:, None] | (count == 1)  # whether a single sighting is an outlier is seen at the end
-        pairs = join_landmarks(points[chosen], _DOUBT * covariance, apart, density, budget=budget)
-    if not pairs and budget.pairs > 0:
+        pairs = join_landmarks(points[chosen], _DOUBT * covariance, apart, density)
+    if not pairs:
         compared.take(keys, points, deviation, left)
     into: dict[int, int] = {}
     for a, b in pairs:
