@@ -9,23 +9,29 @@ from pathlib import Path
 import pytest
 
 from clew.io import write_bag
-from clew.motion import Odometry
+from clew.motion import Odometry, TurnRates
 from clew.sim import GyroModel, LaserModel, SimulatedLog, simulate_kind
 from cli.commands import Command
 
 pytest.importorskip("rosbags")
+from ros_bags import new_bag
 
 
 class WithoutOdometry:
-    """A log whose robot has no wheel encoders."""
+    """A log whose robot has no wheel encoders; of the readings of its gyro, one in so many."""
 
-    def __init__(self, log: SimulatedLog) -> None:
+    def __init__(self, log: SimulatedLog, every: int = 1) -> None:
+        self.every = every
         self.path, self.report, self.scan_count, self.duration = log.path, log.report, log.scan_count, log.duration
         self.has_odometry, self.has_gyro = False, True
         self._log = log
 
     def measurements(self) -> Iterator[object]:
-        return (m for m in self._log.measurements() if not isinstance(m, Odometry))
+        for m in self._log.measurements():
+            if isinstance(m, TurnRates):
+                m = TurnRates(m.timestamps[:: self.every], m.rates[:: self.every])
+            if not isinstance(m, Odometry):
+                yield m
 
 
 @pytest.fixture(scope="module")
@@ -70,3 +76,24 @@ def test_a_bag_without_odometry_is_mapped_by_scans_and_gyro(
     done = clew_command("run", tmp_path / "log.bag", "-o", tmp_path / "out", "--imu-topic", "/none")
     assert done.code == 2
     assert "has no topic /none of type sensor_msgs/msg/Imu" in done.err
+
+
+def test_a_gyro_that_cannot_stand_in_for_odometry_is_named(
+    log: SimulatedLog, tmp_path: Path, clew_command: Command
+) -> None:
+    write_bag(tmp_path / "log.bag", WithoutOdometry(log, every=50), "ros1")
+    done = clew_command("run", tmp_path / "log.bag", "-o", tmp_path / "out")
+    assert done.code == 2
+    assert "but no odometry (gyro: only 3 readings a second): record it too" in " ".join(done.err.split())
+    assert "map with --no-odometry, from the scans alone" in " ".join(
+        clew_command("info", tmp_path / "log.bag").out.split())
+    done = clew_command("run", tmp_path / "log.bag", "-o", tmp_path / "out", "--no-imu")
+    assert "(its gyro is left out by --no-imu)" in " ".join(done.err.split())
+    path, bag = new_bag(tmp_path, "mcap")
+    for k in range(30):
+        bag.imu(1.0 + 0.1 * k, (0.0, 0.0, 0.0), known=False)
+        bag.scan(1.0 + 0.1 * k, [1.0, 2.0])
+    bag.close()
+    done = clew_command("run", path, "-o", tmp_path / "out")
+    assert done.code == 2
+    assert "(left out: 30 messages of topic /imu (tells no turn rates))" in " ".join(done.err.split())

@@ -10,12 +10,20 @@ import pytest
 
 from clew.errors import InputError
 from clew.io import Log, log_health, open_log, write_bag
+from clew.io.log import ReadReport
+from clew.io.recorded import RecordedLog, tabulate
 from clew.motion import TurnRates
 from clew.scan import LaserScan
 from clew.sim import GyroModel, LaserModel, simulate_kind
 
 pytest.importorskip("rosbags")
 from ros_bags import KINDS, Bag, new_bag
+
+
+def log_of(gyro: np.ndarray) -> RecordedLog:
+    """A scan, and turn rates ``(G, 3)``."""
+    scans = tabulate([LaserScan(1.0, np.ones(5), -1.0, 0.5, 0.1, 8.0)], [1])
+    return RecordedLog(Path("log"), scans, np.zeros((0, 5)), ReadReport(), gyro=gyro)
 
 
 def rates_of(log: Log) -> list[float]:
@@ -100,13 +108,60 @@ def test_the_topic_that_holds_turn_rates_is_chosen(tmp_path: Path) -> None:
     bag.close()
     log = open_log(path)
     np.testing.assert_allclose(rates_of(log), -0.01 * np.arange(300), atol=1e-12)
-    assert log.report.skipped == {"topic /imu": 300, "topic /imu/data": 300, "topic /another": 300}
+    assert log.report.skipped == {"topic /imu (its first turn rates do not change)": 300,
+                                  "topic /imu/data (tells no turn rates)": 300, "topic /another": 300}
     np.testing.assert_allclose(rates_of(open_log(path, imu_topic="/another")), 0.02 * np.arange(300), atol=1e-12)
     with pytest.raises(InputError, match=r"no topic /none of type sensor_msgs/msg/Imu"):
         open_log(path, imu_topic="/none")
     (tmp_path / "a.clf").write_text("FLASER 1 1 0 0 0 0 0 0 1 h 1\n")
     with pytest.raises(InputError, match="topics are for ROS bags"):
         open_log(tmp_path / "a.clf", imu_topic="/imu")
+
+
+def test_a_gyro_that_begins_at_rest_is_read(tmp_path: Path) -> None:
+    """Many drivers tell nothing below a threshold: a robot that stands has readings that are all the same."""
+    path, bag = new_bag(tmp_path, "mcap")
+    rates = np.maximum(np.arange(600) - 300, 0) * 0.001
+    for k, rate in enumerate(rates.tolist()):
+        bag.imu(1.0 + 0.005 * k, (0.0, 0.0, rate))
+    with_scans(bag)
+    bag.close()
+    log = open_log(path)
+    np.testing.assert_allclose(rates_of(log), rates, atol=1e-12)
+    assert not log.report.skipped
+
+
+def test_an_imu_that_tells_orientation_alone_is_not_called_broken(tmp_path: Path) -> None:
+    path, bag = new_bag(tmp_path, "sqlite3")
+    for k in range(30):
+        bag.imu(1.0 + 0.1 * k, (0.0, 0.0, 0.0), known=False)
+    with_scans(bag)
+    bag.close()
+    log = open_log(path)
+    assert not log.has_gyro
+    assert log.report.skipped == {"topic /imu (tells no turn rates)": 30}
+    with pytest.raises(InputError, match=r"/imu tells no turn rates; choose another IMU, or none"):
+        open_log(path, imu_topic="/imu")
+
+
+def test_readings_after_the_last_scan_are_not_lost(tmp_path: Path) -> None:
+    path, bag = new_bag(tmp_path, "mcap")
+    for k in range(60):
+        bag.imu(0.95 + 0.1 * k, (0.0, 0.0, 0.01 * k))
+    with_scans(bag)
+    bag.odometry(5.0, 0.0, 0.0)
+    bag.close()
+    log = open_log(path)
+    np.testing.assert_allclose(rates_of(log), 0.01 * np.arange(60), atol=1e-12)
+    write_bag(tmp_path / "again", log, "sqlite3")
+    again = open_log(tmp_path / "again")
+    assert again.report.used == log.report.used
+    np.testing.assert_allclose(rates_of(again), rates_of(log), atol=1e-12)
+
+
+def test_turn_rates_before_1970_are_refused(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"has the time -0\.5.* s; bags hold none before 1970"):
+        write_bag(tmp_path / "out", log_of(np.array([[-0.5, 0.1, 0.0]])), "mcap")
 
 
 def test_damaged_readings_are_left_out_and_counted(tmp_path: Path) -> None:
@@ -120,7 +175,7 @@ def test_damaged_readings_are_left_out_and_counted(tmp_path: Path) -> None:
     bag.close()
     log = open_log(path)
     assert rates_of(log) == [0.0, 2.0, 1.0, 4.0]
-    assert log.report.skipped == {"broken Imu": 2, "second turn rate of one moment": 1,
+    assert log.report.skipped == {"broken Imu": 1, "Imu without turn rates": 1, "second turn rate of one moment": 1,
                                   "turn rate with a time far from all others": 1}
 
 
@@ -167,6 +222,25 @@ def test_health_tells_a_stuck_a_saturated_and_a_rare_gyro(tmp_path: Path) -> Non
     noise = 0.01 * np.random.default_rng(1).standard_normal(150)
     assert problems(noise.tolist(), 0.02) == []
     assert "100 % of the readings repeat" in problems([0.0] * 150, 0.02)[0]
+    assert problems([0.1], 0.02) == ["gyro: only one reading"]
     clipped = np.clip(noise * 100, -1.0, 1.0)
     assert "57 degrees a second, the end of its scale" in problems(clipped.tolist(), 0.02)[0]
     assert problems(noise[:12].tolist(), 0.25) == ["gyro: only 4 readings a second"]
+
+
+@pytest.mark.parametrize("bias", [0.0, 1.4, 2.0])
+@pytest.mark.parametrize("noise", [0.3, 1.5])
+def test_a_coarse_gyro_is_not_at_the_end_of_its_scale(bias: float, noise: float) -> None:
+    """Steps of 1/16.4 degrees a second, as of a usual chip; few of them are met where the robot stands."""
+    rng = np.random.default_rng(3)
+    step = np.radians(1.0 / 16.4)
+    standing = bias + noise * rng.standard_normal(4000)
+    driving = standing + 600.0 * np.clip(2.0 * np.sin(np.arange(4000) / 150.0), -1.0, 1.0)
+    clipped = np.clip(2.0 * driving, -900.0, 899.0)  # the two ends of a scale are not the same
+    for levels, readings in ((standing, 0), (driving, 0), (np.append(standing, driving), 0), (clipped, 1500)):
+        rates = step * np.round(levels)
+        gyro = np.column_stack([np.arange(len(rates)) / 100.0, rates, np.arange(len(rates))])
+        health = log_health(log_of(gyro)).gyro
+        assert health is not None
+        assert health.saturated >= readings
+        assert (health.saturated > 0) == (readings > 0)

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from clew.cli.job import sensor_lines
 from clew.errors import InputError
 from clew.evaluate import absolute_trajectory_error
 from clew.geometry import se2, wrap
@@ -20,6 +21,7 @@ from clew.sim import GyroModel, LaserModel, OdometryModel, SimulatedLog, simulat
 from clew.slam import Slam, SlamConfig
 from clew.slam.prediction import MotionPredictor
 from clew.slam.sensor import SensorModel
+from clew.view import report_of_run
 
 Array = NDArray[np.float64]
 GYRO = GyroModel(density=0.001, bias=0.02, delay=0.015)
@@ -77,7 +79,28 @@ def test_a_broken_gyro_does_not_hurt(rates: Callable[[Array], Array], odometry: 
     gyro = slam.sensor["gyro"]
     assert isinstance(gyro, dict)
     assert gyro["matches_without_it"] > 10
-    assert any("gyro" in doubt for doubt in slam.sensor["doubts"])  # type: ignore[attr-defined]
+    (doubt,) = slam.sensor["doubts"]  # type: ignore[misc]
+    # neither the terminal nor the report tells what was found of it
+    lines = sensor_lines(slam.sensor)  # type: ignore[arg-type]
+    assert [line for line in lines if "gyro" in line] == [doubt]
+    found = report_of_run(slam, slam.map(), "log")
+    assert doubt in [note.text[0].lower() + note.text[1:-1] for note in found.notes if note.level == "check"]
+    assert not [name for section in found.sections for name, _ in section.facts if "Gyro" in name]
+
+
+@pytest.mark.parametrize(("slope", "doubt"), [
+    (1.0, None), (-1.0, "upside down"), (57.3, "degrees a second"), (-57.3, "degrees a second"), (-2.5, "broken"),
+    (0.0, "broken"), (20.0, "broken"),
+])
+def test_what_is_wrong_with_a_gyro_is_told_by_its_slope(slope: float, doubt: str | None) -> None:
+    sensor = SensorModel(SlamConfig())
+    sensor.see(LaserScan(0.0, np.full(181, 2.0), -1.5, 0.017, 0.1, 8.0))
+    for turn in turns(60):
+        sensor.gyro.add(np.array([0.25, slope * turn, 0.0]), turn, 1.0, 1e-6)
+    doubts = sensor.report().get("doubts", [])
+    assert isinstance(doubts, list)
+    assert len(doubts) == (0 if doubt is None else 1)
+    assert doubt is None or doubt in doubts[0]
 
 
 class Turning:

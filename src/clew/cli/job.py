@@ -13,12 +13,13 @@ from numpy.typing import NDArray
 from rich.console import Console
 
 from clew._version import __version__
+from clew.cli.description import count
 from clew.cli.live import LiveOptions, live_view
 from clew.cli.mapping_job import JobOptions, JobResult, map_log
 from clew.cli.outputs import write_summary
 from clew.cli.terminal import messages
 from clew.errors import InputError
-from clew.io import Records
+from clew.io import Log, Records
 
 Array = NDArray[np.float64]
 
@@ -45,20 +46,36 @@ def run_log(
     console = messages(quiet)
     with console.status(f"reading {path.name}"):
         log = open_log(path, scan_topic=scan_topic, odometry_topic=odometry_topic, imu_topic=imu_topic)
-    if odometry and not log.has_odometry and log.has_gyro and imu:
+    if odometry and not log.has_odometry:
+        why = _no_gyro(log, imu)
+        if why is not None:
+            raise InputError(
+                f"{path}: {count(log.scan_count, 'scan')} but no odometry{why}: record it too, "
+                "or estimate the motion from the scans alone with --no-odometry"
+            )
         console.print("no odometry: motion is estimated from scans and gyro", highlight=False)
         odometry = False
-    if odometry and not log.has_odometry:
-        raise InputError(
-            f"{path}: {log.scan_count} scans but no odometry: record it too, "
-            "or estimate the motion from the scans alone with --no-odometry"
-        )
     ensure_output_folder(out)
     with live_view(live, path.name, log.scan_count, console) as viewer:
         result = map_log(log, JobOptions(out, path.name, refine, odometry, imu, resolution), console, begun,
                          health=lambda: log_health(log), viewer=viewer)
         code = _finish(result, {"log": path.name}, out, log, json, console)
     sys.exit(code)
+
+
+def _no_gyro(log: Log, imu: bool) -> str | None:
+    """Why no gyro can stand in for odometry, in brackets; None where one can."""
+    from clew.io import log_health
+
+    if not log.has_gyro:
+        left = ", ".join(f"{count(number, 'message')} of {reason}" for reason, number in log.report.skipped.items())
+        return f" (left out: {left})" if left else ""
+    if not imu:
+        return " (its gyro is left out by --no-imu)"
+    health = log_health(log)
+    if health.gyro is not None and health.gyro.usable:
+        return None
+    return f" ({'; '.join(problem for problem in health.problems if problem.startswith('gyro'))})"
 
 
 def run_demo(out: Path, seed: int, seconds: float, json: bool, quiet: bool, live: LiveOptions) -> None:
@@ -142,7 +159,8 @@ def sensor_lines(sensor: dict[str, dict[str, object]]) -> list[str]:
             f"{np.degrees(metre['turn']):.2f} degrees after a metre, {np.degrees(radian['turn']):.1f} degrees after a "
             "radian (standard deviations)"
         )
-    if gyro := sensor.get("gyro"):
+    gyro = sensor.get("gyro")
+    if gyro and gyro["turns_along"]:  # of one that does not, a doubt says so
         noise, bias = (np.degrees(float(str(gyro[name]))) for name in
                        ("noise_rad_per_sqrt_second", "bias_rad_per_second"))  # fmt: skip
         aside = int(str(gyro["matches_without_it"]))

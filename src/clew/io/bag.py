@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from clew.errors import InputError, MissingDependencyError
-from clew.io.bag_imu import LOOKED_AT, USUAL, turn_rate_of, upward
+from clew.io.bag_imu import choose_imu, tells_rates, turn_rate_of, upward
 from clew.io.bag_transforms import Transforms
 from clew.io.log import ReadReport
 from clew.io.recorded import RecordedLog, ScanTable
@@ -96,25 +96,6 @@ def _choose(path: Path, connections: list[Any], kind: str, wanted: str | None, u
     return topics[0] if topics else None
 
 
-def _choose_imu(path: Path, bag: Any, wanted: str | None) -> str | None:
-    """Topic of the IMU: the one asked for, or the first whose first messages hold turn rates that change."""
-    connections = list(bag.connections)
-    topics: list[str] = sorted({c.topic for c in connections if c.msgtype == _IMU})
-    if wanted is not None:
-        return _choose(path, connections, _IMU, wanted, "")
-    for topic in sorted(topics, key=lambda name: (USUAL.index(name) if name in USUAL else len(USUAL), name)):
-        rows = []
-        try:
-            for connection, _, data in islice(bag.messages([c for c in connections if c.topic == topic]), LOOKED_AT):
-                row = turn_rate_of(bag.deserialize(data, connection.msgtype))
-                rows += [] if row is None else [row[:3]]
-        except Exception:  # see `_opened`
-            continue
-        if len(rows) and (len(rows) < LOOKED_AT or np.ptp(np.array(rows), axis=0).any()):
-            return topic
-    return None
-
-
 def _listing(connections: list[Any]) -> str:
     return ", ".join(sorted({f"{c.topic} ({c.msgtype})" for c in connections})) or "no topics"
 
@@ -137,6 +118,7 @@ class _Collector:
         self.rates: list[Array] = []  # and accelerations of the IMU
         self.rate_times: list[tuple[float, float]] = []  # and positions
         self.imu_frame = ""
+        self.without_rates = 0  # messages of an IMU that say themselves that they hold none
 
     def scan(self, message: Any, received: int) -> bool:
         """Whether the message is a usable scan."""
@@ -164,7 +146,10 @@ class _Collector:
         return True
 
     def imu(self, message: Any, received: int) -> bool:
-        """Whether the message holds turn rates."""
+        """Whether the message holds turn rates, or says itself that it does not."""
+        if not tells_rates(message):
+            self.without_rates += 1
+            return True
         row, time = turn_rate_of(message), _seconds(message.header.stamp, received)
         if row is None or not math.isfinite(time):
             return False
@@ -176,7 +161,7 @@ class _Collector:
     def turn_rates(self, transforms: Transforms) -> Array:
         """``(G, 3)`` time, turn rate about the robot's vertical axis, position."""
         rows = np.array(self.rates).reshape(-1, 6)
-        up, _ = upward(rows, self.frames[0], self.imu_frame, transforms)
+        up = upward(rows, self.frames[0], self.imu_frame, transforms)
         times, positions = np.array(self.rate_times).reshape(-1, 2).T
         return np.column_stack([times, rows[:, :3] @ up, positions])
 
@@ -283,7 +268,7 @@ def read_bag(path: Path, scan_topic: str | None = None, odometry_topic: str | No
     are those about the robot's vertical axis, which `upward` finds in its frame, however it is mounted.
 
     Raises:
-        InputError: the bag cannot be read, has no such topic, or no scan.
+        InputError: the bag cannot be read, has no such topic, or no scan; or `imu_topic` tells no turn rates.
         MissingDependencyError: the library `rosbags` is missing or of an incompatible version.
     """
     report = ReadReport()
@@ -293,13 +278,20 @@ def read_bag(path: Path, scan_topic: str | None = None, odometry_topic: str | No
         odometry = _choose(path, connections, _ODOMETRY, odometry_topic, "/odom")
         if scans is None:
             raise InputError(f"{path}: has no topic of type {_SCAN}; it has: {_listing(connections)}")
-        imu = _choose_imu(path, bag, imu_topic)
+        imu, faults = _choose(path, connections, _IMU, imu_topic, ""), dict[str, str]()
+        if imu is not None and imu_topic is None:
+            imu, faults = choose_imu(bag, [c for c in connections if c.msgtype == _IMU])
         wanted = ((_SCAN, scans), (_ODOMETRY, odometry), (_IMU, imu))
         chosen = [c for c in connections if (c.msgtype, c.topic) in wanted]
         for other in connections:
             if other.msgtype in (_SCAN, _ODOMETRY, _IMU) and other not in chosen:
-                report.skipped[f"topic {other.topic}"] += other.msgcount
+                fault = f" ({faults[other.topic]})" if other.topic in faults else ""
+                report.skipped[f"topic {other.topic}{fault}"] += other.msgcount
         collector = _collect(bag, chosen, report)
+        if imu_topic is not None and not collector.rates:
+            raise InputError(f"{path}: {imu_topic} tells no turn rates; choose another IMU, or none")
+        if collector.without_rates:
+            report.skipped["Imu without turn rates"] += collector.without_rates
         transforms = _transforms(bag)
     tables = collector.tables(transforms)
     if len(tables[0].times) == 0:

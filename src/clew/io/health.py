@@ -21,8 +21,10 @@ GAP_INTERVALS, GAP_SECONDS = 10.0, 2.0
 #: Odometry that claims to move faster than a robot can has jumped, metres and radians a second.
 FASTEST, FASTEST_TURN = 5.0, 20.0
 JITTER = 1.0  # seconds; a speed over less is one of the clock
-#: A gyro whose largest rate comes so often has met the end of its scale; one that repeats itself so often is stuck.
-SATURATED, STUCK = 5, 0.9
+STUCK = 0.9  # share of a gyro's readings that repeat the one before when it is stuck
+#: A gyro has met the end of its scale when its extreme rate comes so often, and so many times as often as any of the
+#: next few rates that it told. With few different rates in all, that is the step of a coarse one.
+SATURATED, SATURATED_FACTOR, NEXT_RATES, FEW_RATES = 5, 3, 5, 50
 SLOWEST_GYRO = 10.0  # Hz; between rarer readings a robot turns unseen
 #: The order of the clock is doubtful when it makes the way longer than the order of the file, by this factor.
 ZIGZAG = 1.02
@@ -111,7 +113,7 @@ class GyroHealth:
             robot stood then.
         fastest: largest rate, radians a second.
         constant: share of readings that repeat the one before to the last bit.
-        saturated: readings at the largest rate, where more than a few share it.
+        saturated: readings at the ends of its scale.
     """
 
     stream: StreamHealth
@@ -119,6 +121,11 @@ class GyroHealth:
     fastest: float
     constant: float
     saturated: int
+
+    @property
+    def usable(self) -> bool:
+        """Whether it may tell a robot's turns: it changes, and often enough."""
+        return self.constant < 1.0 and self.stream.rate >= SLOWEST_GYRO
 
     def to_dict(self) -> dict[str, object]:
         """Plain numbers, for JSON; angles in degrees."""
@@ -231,14 +238,21 @@ def _gyro(readings: Array) -> GyroHealth:
     spread = np.sqrt(np.maximum(np.add.reduceat(rates**2, first) / number - mean**2, 0.0))
     calm = np.argsort(spread, kind="stable")[: max(len(first) // 10, 1)]
     fastest = float(np.abs(rates).max())
-    at_limit = int(np.count_nonzero(np.abs(rates) == fastest))
     return GyroHealth(
         stream=stream_health("gyro", times, readings[:, 2]),
         quiet=float(np.median(mean[calm])),
         fastest=fastest,
         constant=float(np.mean(np.diff(rates) == 0.0)) if len(rates) > 1 else 0.0,
-        saturated=at_limit if at_limit >= SATURATED and fastest > 0.0 else 0,
+        saturated=_at_limit(rates) + _at_limit(-rates),
     )
+
+
+def _at_limit(rates: Array) -> int:
+    """How many rates are at the upper end of the scale; 0 where they do not reach it."""
+    levels, counts = np.unique(rates, return_counts=True)
+    if len(levels) < FEW_RATES or levels[-1] <= 0.0 or counts[-1] < SATURATED:
+        return 0
+    return int(counts[-1]) if counts[-1] > SATURATED_FACTOR * counts[-1 - NEXT_RATES : -1].max() else 0
 
 
 def _way(readings: Array) -> tuple[tuple[float, float], Array]:
@@ -281,8 +295,8 @@ def _laser(table: ScanTable) -> LaserHealth:
 def _problems(health: LogHealth) -> list[str]:
     found = []
     if health.odometry is None:
-        found.append("no odometry: map with --no-odometry, from the scans alone" if health.gyro is None else
-                     "no odometry: the map is made from scans and gyro")
+        found.append("no odometry: the map is made from scans and gyro" if health.gyro and health.gyro.usable else
+                     "no odometry: map with --no-odometry, from the scans alone")
     gyro = health.gyro
     for stream in (health.scans, health.odometry, None if gyro is None else gyro.stream):
         if stream is None:
@@ -321,7 +335,9 @@ def _gyro_problems(gyro: GyroHealth) -> list[str]:
     elif gyro.saturated:
         found.append(f"gyro: {gyro.saturated:,} readings at {np.degrees(gyro.fastest):.0f} degrees a second, the end "
                      "of its scale: faster turns are not told")
-    if 0.0 < gyro.stream.rate < SLOWEST_GYRO:
+    if gyro.stream.count == 1:
+        found.append("gyro: only one reading")
+    elif gyro.stream.rate < SLOWEST_GYRO:
         found.append(f"gyro: only {gyro.stream.rate:.2g} readings a second")
     return found
 

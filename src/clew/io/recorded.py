@@ -254,3 +254,5 @@ class RecordedLog:
                             range_max, scans.T_robot_sensor, time_increment=scans.time_increment)
         for k in range(done, len(odometry)):
             yield Odometry(float(odometry[k, 0]), odometry[k, 1:4])
+        if told < len(gyro.rates):
+            yield gyro.part(told, len(gyro.rates))

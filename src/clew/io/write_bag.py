@@ -111,13 +111,13 @@ class _Writer:
         pack = self.types.serialize_ros1 if self.ros1 else self.types.serialize_cdr
         placed, received = False, 0
         for measurement in log.measurements():
+            if measurement.timestamp < 0:
+                raise InputError(f"{log.path}: has the time {measurement.timestamp:.6f} s; bags hold none before 1970")
             if isinstance(measurement, TurnRates):
                 for timestamp, rate in zip(measurement.timestamps.tolist(), measurement.rates.tolist(), strict=True):
                     received = max(round(timestamp * 1e9), received + 1)
                     self.bag.write(topics["/imu"], received, pack(self._turn_rate(timestamp, rate), _IMU))
                 continue
-            if measurement.timestamp < 0:
-                raise InputError(f"{log.path}: has the time {measurement.timestamp:.6f} s; bags hold none before 1970")
             # Readers sort by the time of arrival: where clocks step back, what is recorded later arrives later.
             received = max(round(measurement.timestamp * 1e9), received + 1)
             if isinstance(measurement, LaserScan):

@@ -148,7 +148,8 @@ class SensorModel:
         if quality.steps:
             out["odometry"] = {**quality.to_dict(), "matches_without_it": self.unused_odometry}
         if self.gyro.quality.steps:
-            out["gyro"] = {**self.gyro.quality.to_dict(), "matches_without_it": self.unused_gyro}
+            out["gyro"] = {**self.gyro.quality.to_dict(), "turns_along": self.gyro.turns_along,
+                           "matches_without_it": self.unused_gyro}  # fmt: skip
         if warnings := self._doubts():
             out["doubts"] = warnings
         return out
@@ -167,7 +168,7 @@ class SensorModel:
         return {**rounded, "sweep_known_from": "scans"}
 
     def _doubts(self) -> list[str]:
-        """What looks wrong about the sensors' places on the robot, in words."""
+        """What looks wrong about the sensors and their places on the robot, in words."""
         quality = self.odometry.quality
         askew, beside = float(quality.bias[1, 0]), quality.bias[:2, 1]
         doubts = []
@@ -178,9 +179,9 @@ class SensorModel:
                 f"the laser seems mounted {100 * float(np.hypot(*beside)):.0f} cm off from where the log says"
             )
         slope = 1.0 if self.gyro.slope is None else self.gyro.slope
-        if slope < -0.5:
+        if -1.5 < slope < -0.5:
             doubts.append("the gyro turns the other way: the IMU seems mounted upside down, and no transform says so")
-        elif 40.0 < slope < 80.0:
+        elif 40.0 < abs(slope) < 80.0:
             doubts.append("the gyro seems to tell degrees a second; rates should be radians a second")
         elif not self.gyro.turns_along:
             doubts.append("the gyro does not turn as the robot does: it is broken, or lies about another axis")

@@ -57,7 +57,7 @@ def report_of_run(
         slip = odometry_slip(odometry.timestamps, odometry.T_world_robot, trajectory.T_world_robot)
     skipped = dict(skipped or {})
     notes = [*_unfinished(complete, refined), *_closure_notes(closures, scene), *graph.notes, *_slip_notes(slip, scene),
-             *_pruned(slam), *_log_notes(health), *_left_out(skipped)]
+             *_pruned(slam), *_doubts(slam), *_log_notes(health), *_left_out(skipped)]
     rank = {"check": 0, "know": 1, "good": 2}
     notes.sort(key=lambda note: rank[note.level])
     return Report(title, "run", _lead(slam, grid, graph, truth), notes, scene,
@@ -164,6 +164,12 @@ def _pruned(slam: Slam) -> list[Note]:
         "same: their closures are on the map, their scans are not kept.", "know")]
 
 
+def _doubts(slam: Slam) -> list[Note]:
+    """What looks wrong about the sensors."""
+    doubts = slam.sensor.get("doubts")
+    return [Note(capital(doubt)) for doubt in doubts] if isinstance(doubts, list) else []
+
+
 def _slip_notes(slip: OdometrySlip | None, scene: Scene) -> list[Note]:
     if slip is None or not len(slip.events):
         return []
@@ -190,9 +196,9 @@ def _span(event: Array, scene: Scene) -> Focus:
 
 
 def _gyro(slam: Slam) -> list[tuple[str, str]]:
-    """What the gyro was found to be worth."""
+    """What the gyro was found to be worth; nothing of one that does not turn as the robot does."""
     gyro = slam.sensor.get("gyro")
-    if not isinstance(gyro, dict):
+    if not isinstance(gyro, dict) or not gyro["turns_along"]:
         return []
     names = ("bias_rad_per_second", "bias_deviation_rad_per_second", "noise_rad_per_sqrt_second")
     bias, sure, noise = (np.degrees(gyro[name]) for name in names)
@@ -211,7 +217,8 @@ def _log_section(health: LogHealth | None, skipped: Mapping[str, int], slip: Odo
         begin = health.scans.first
         for stream in (health.scans, health.odometry, None if health.gyro is None else health.gyro.stream):
             if stream is not None:
-                facts.append((capital(stream.name)[:-1], f"{stream.count:,} records, {stream.rate:.1f} a second"))
+                number = counted(stream.count, "record")
+                facts.append((capital(stream.name)[:-1], f"{number}, {stream.rate:.1f} a second"))
                 gaps += _interruptions(stream, begin)
         facts.append(("Beams", f"{listed([f'{beams:,}' for beams in laser.beams])} over "
                                f"{degrees(laser.field_of_view)}, {degrees(laser.resolution)} apart"))
