@@ -42,6 +42,12 @@ def test_evidence_is_the_ratio_of_densities() -> None:
     assert evidence_of_one(np.array(distance), covariance, 0.3) == pytest.approx(np.log(normal / 0.3))
 
 
+def test_where_the_density_is_not_known_nothing_is_joined() -> None:
+    """Only one landmark was seen often enough to be sure of: what stands where by chance is not known."""
+    near = np.array([[0.0, 0.0], [0.05, 0.02]])
+    assert join_landmarks(near, NOISE**2 * np.eye(4), np.eye(2, dtype=bool), 0.0) == []
+
+
 def test_a_regular_row_is_refused() -> None:
     """Every shift by one place fits nearly as well as the right one."""
     points = np.stack([2.0 * np.arange(8.0), np.zeros(8)], axis=1)

@@ -12,6 +12,7 @@ import numpy as np
 from rich.console import Console
 
 from clew._version import __version__
+from clew.cli.description import count
 from clew.cli.outputs import write_summary
 from clew.cli.progress import stages
 from clew.cli.terminal import messages
@@ -56,7 +57,7 @@ def run_features(path: Path, out: Path, identities: bool, json: bool, quiet: boo
     write_summary(summary, out / "summary.json")
     if json:
         sys.stdout.write(json_.dumps(summary) + "\n")
-    _report(summary, out, console)
+    _report(summary, found, out, console)
 
 
 def _write(found: FeatureMap, name: str, given: bool, out: Path) -> None:
@@ -69,7 +70,8 @@ def _write(found: FeatureMap, name: str, given: bool, out: Path) -> None:
         out / "landmarks.png",
         [("path", found.T_world_robot[:, :2]), ("odometry alone", found.T_odom_robot[:, :2])],
         found.position, found.covariance, None, name,
-        f"{len(found.keys):,} poses, {int(found.sightings.sum()):,} sightings of {len(found.identity):,} landmarks, "
+        f"{len(found.keys):,} poses, {int(found.sightings.sum()):,} sightings of "
+        f"{count(len(found.identity), 'landmark')}, "
         + ("identities given" if given else "identities found"),
     )  # fmt: skip
 
@@ -90,10 +92,11 @@ def _summary(found: FeatureMap, log: FeatureLog, given: bool) -> dict[str, objec
     }
 
 
-def _report(summary: dict[str, object], out: Path, console: Console) -> None:
+def _report(summary: dict[str, object], found: FeatureMap, out: Path, console: Console) -> None:
     console.print(
-        f"{summary['poses']} poses, {summary['sightings']} sightings of {summary['landmarks']} landmarks "
-        f"(identities {summary['identities']}), {summary['without_landmark']} sightings of none; "
+        f"{count(len(found.keys), 'pose')}, {count(int(found.sightings.sum()), 'sighting')} of "
+        f"{count(len(found.identity), 'landmark')} (identities {summary['identities']}), "
+        f"{summary['without_landmark']} sightings of none; "
         f"{summary['wall_seconds']} s",
     )
     parts = summary["variance_components"]

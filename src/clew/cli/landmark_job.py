@@ -13,6 +13,7 @@ import numpy as np
 from rich.console import Console
 
 from clew._version import __version__
+from clew.cli.description import count
 from clew.cli.outputs import write_summary
 from clew.cli.progress import stages
 from clew.cli.terminal import messages
@@ -31,7 +32,7 @@ from clew.io import (
     write_tum,
 )
 from clew.slam.landmarks import LandmarkMap, map_landmarks
-from clew.solve import optimize
+from clew.solve import Solution, optimize
 from clew.view import report_of_landmarks, save_landmarks_png, write_report
 
 
@@ -64,17 +65,17 @@ def run_landmarks(folder: Path, out: Path, robot: int | None, json: bool, quiet:
     with stages(console) as shown:
         notes = {"mapping": "sightings of landmarks", "calibrating": "rounds at most", "joining": "rounds at most"}
         found = map_landmarks(logs, progress=shown.stages(notes))
-    summary = {"log": folder.name, **_summary(found, logs, survey), "version": __version__}
+    solution = optimize(found.graph, init="file", max_iterations=0)
+    summary = {"log": folder.name, **_summary(found, solution, logs, survey), "version": __version__}
     summary["wall_seconds"] = round(time.perf_counter() - begun, 3)
     _write(found, folder.name, out)
     skipped = summary["skipped"]
     assert isinstance(skipped, dict)
-    solution = optimize(found.graph, init="file", max_iterations=0)
     write_report(out / "report.html", report_of_landmarks(found, solution, folder.name, skipped))
     write_summary(summary, out / "summary.json")
     if json:
         sys.stdout.write(json_.dumps(summary) + "\n")
-    _report(summary, out, console)
+    _report(summary, found, out, console)
 
 
 def _write(found: LandmarkMap, name: str, out: Path) -> None:
@@ -90,13 +91,14 @@ def _write(found: LandmarkMap, name: str, out: Path) -> None:
         [(f"robot {robot.robot}", robot.T_world_robot[:, :2]) for robot in found.robots],
         found.position, found.covariance, names, name,
         f"{sum(len(r.timestamps) for r in found.robots):,} poses, {int(found.sightings.sum()):,} sightings of "
-        f"{len(found.identity)} landmarks",
+        f"{count(len(found.identity), 'landmark')}",
     )  # fmt: skip
 
 
 def _summary(
-    found: LandmarkMap, logs: list[SightingLog], survey: SurveyedLandmarks | None
+    found: LandmarkMap, solution: Solution, logs: list[SightingLog], survey: SurveyedLandmarks | None
 ) -> dict[str, object]:
+    """Numbers of a run; the cost is that of the graph that is written, `solution`, without what is put beside it."""
     skipped: Counter[str] = Counter()
     for log in logs:
         skipped += log.report.skipped
@@ -123,7 +125,7 @@ def _summary(
         "landmarks": len(found.identity),
         "sightings": int(found.sightings.sum()),
         "marks": asdict(found.marks),
-        "chi2": found.solution.chi2,
+        "chi2": solution.chi2,
         "status": found.solution.status.name,
         "skipped": dict(sorted(skipped.items())),
     }
@@ -138,7 +140,7 @@ def _summary(
     return summary
 
 
-def _report(summary: dict[str, object], out: Path, console: Console) -> None:
+def _report(summary: dict[str, object], found: LandmarkMap, out: Path, console: Console) -> None:
     robots = summary["robots"]
     assert isinstance(robots, list)
     for robot in robots:
@@ -146,11 +148,12 @@ def _report(summary: dict[str, object], out: Path, console: Console) -> None:
         if "truth_not_used" in robot:
             error = f"; the truth is not used: {robot['truth_not_used']}"
         console.print(
-            f"robot {robot['robot']}: {robot['poses']} poses, {robot['landmark_sightings']} sightings of landmarks, "
-            f"{robot['robot_sightings']} of robots{error}",
+            f"robot {robot['robot']}: {count(robot['poses'], 'pose')}, "
+            f"{count(robot['landmark_sightings'], 'sighting')} of landmarks, {robot['robot_sightings']:,} of robots"
+            f"{error}",
             highlight=False,
         )
-    console.print(f"{summary['landmarks']} landmarks, {summary['wall_seconds']} s", highlight=False)
+    console.print(f"{count(len(found.identity), 'landmark')}, {summary['wall_seconds']} s", highlight=False)
     skipped = summary["skipped"]
     assert isinstance(skipped, dict)
     if skipped:

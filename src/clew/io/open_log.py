@@ -27,7 +27,7 @@ def open_log(path: str | PathLike[str], *, scan_topic: str | None = None,
         scan_topic: topic of the laser scans of a bag; by default ``/scan``, else the first of their type.
         odometry_topic: topic of the odometry of a bag; by default ``/odom``, else the first of their type.
         imu_topic: topic of the IMU of a bag; by default the first of ``/imu``, ``/imu/data``, ``/imu/data_raw`` and the
-            others by name whose messages hold turn rates that change.
+            others by name whose turn rates change in its first messages, or else the first that tells any.
         order: ``"time"`` yields measurements in the order of their timestamps, ``"recorded"`` as they stand
             in the file, ``"auto"`` in the one of the two in which the odometry's path is shorter. Some
             recorders stamped late: in the Intel log the file's order is the true one (508 m; sorted by time

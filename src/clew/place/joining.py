@@ -81,13 +81,13 @@ def join_landmarks(
         points: ``(L, 2)`` positions.
         covariance: ``(2 L, 2 L)`` of all of them jointly.
         apart: ``(L, L)`` whether two are known to be different, for they were seen at the same moment.
-        density: landmarks a square metre, see `landmark_density`.
+        density: landmarks a square metre, see `landmark_density`; where it is 0, which is not known, nothing is joined.
         options: see `JoinOptions`.
     """
     options = options or JoinOptions()
     gate = chi_square_limit(options.probability, 2)
     pairs = _candidates(points, covariance, apart, gate)
-    if not len(pairs.first):
+    if not len(pairs.first) or density <= 0.0:
         return []
     evidence = _evidence(pairs.difference, pairs.own, density)
     least, margin = np.log(options.odds), np.log(options.rival_odds)
