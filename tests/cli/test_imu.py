@@ -84,7 +84,7 @@ def test_a_gyro_that_cannot_stand_in_for_odometry_is_named(
     write_bag(tmp_path / "log.bag", WithoutOdometry(log, every=50), "ros1")
     done = clew_command("run", tmp_path / "log.bag", "-o", tmp_path / "out")
     assert done.code == 2
-    assert "but no odometry (gyro: only 3 readings a second): record it too" in " ".join(done.err.split())
+    assert "but no odometry (gyro: only 3 readings a second): record odometry too" in " ".join(done.err.split())
     assert "map with --no-odometry, from the scans alone" in " ".join(
         clew_command("info", tmp_path / "log.bag").out.split())
     done = clew_command("run", tmp_path / "log.bag", "-o", tmp_path / "out", "--no-imu")

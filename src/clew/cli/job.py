@@ -50,7 +50,7 @@ def run_log(
         why = _no_gyro(log, imu)
         if why is not None:
             raise InputError(
-                f"{path}: {count(log.scan_count, 'scan')} but no odometry{why}: record it too, "
+                f"{path}: {count(log.scan_count, 'scan')} but no odometry{why}: record odometry too, "
                 "or estimate the motion from the scans alone with --no-odometry"
             )
         console.print("no odometry: motion is estimated from scans and gyro", highlight=False)
