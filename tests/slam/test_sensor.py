@@ -263,5 +263,6 @@ def test_scans_of_one_moment_stay_as_they_are() -> None:
 
 def test_scans_of_one_moment_stay_as_they_are_where_odometry_misleads() -> None:
     odometry = OdometryModel(0.06, 0.04, 0.006, 0.1, 0.04, 0.08, 0.03)
-    log = simulate_kind("campus", 50, duration=170.0, rate=3.0, laser=LaserModel(181, range_max=25.0), odometry=odometry)
+    laser = LaserModel(181, range_max=25.0)
+    log = simulate_kind("campus", 50, duration=170.0, rate=3.0, laser=laser, odometry=odometry)
     assert not mapped(log.measurements())._sensor.beam_times

@@ -169,7 +169,7 @@ def _interlace(
             break
         found = replace(found, interlace=found.interlace + search.step(sums))
     without = _jagged(scans, velocities, nothing, cleaning)
-    return nothing if without is None or misfit > BETTER * without.misfit else best
+    return best if without is not None and misfit <= BETTER * without.misfit else replace(best, interlace=0.0)
 
 
 def _jagged(
@@ -241,7 +241,7 @@ def _sweep(
         found = replace(found, sweep=sweep, sweep_deviation=sums.deviation())
         if search.settled:
             break
-    return found if sums.misfit <= BETTER * without.misfit else nothing
+    return found if sums.misfit <= BETTER * without.misfit else replace(found, sweep=0.0)
 
 
 def _bent(
