@@ -32,6 +32,8 @@ SCANS = 120  # that are looked at by themselves at most
 PAIRS = 240  # of scans that are compared at most,
 PAIRS_A_SCAN = 4  # and so many of each,
 NEAR, TURNED = 2.0, 1.2  # metres and radians between the two at most
+MOST_PLACED = 1500  # scans among which pairs are looked for: there may be as many as the square of it
+MILDER = 3  # times at most that pairs half as different are tried, where the others are too bent to lie on each other
 LEAST_SCANS, LEAST_PAIRS, LEAST_RETURNS = 10, 20, 100
 ROUNDS = 8  # of linearisation at most,
 SETTLED, SETTLED_SIGMAS = 2e-4, 0.5  # until the estimate moves less than this, seconds, or than so many deviations
@@ -125,15 +127,19 @@ def find_beam_times(
         found = _interlace([scans[i] for i in rows], velocities[rows], start, cleaning)
         if not _counts(found.interlace, found.interlace_deviation, period):
             found = replace(found, interlace=0.0)
-    pairs = _telling_pairs(T_world_robot, velocities, usable, int(share * PAIRS))
-    if len(pairs) < LEAST_PAIRS:
-        return replace(found, sweep=0.0)
-    rows, local = np.unique(pairs, return_inverse=True)
-    of_pairs = [scans[i] for i in rows]
-    found = _sweep(of_pairs, T_world_robot[rows], velocities[rows], local.reshape(-1, 2), found, cleaning)
-    if not _counts(found.sweep, found.sweep_deviation, period):
-        found = replace(found, sweep=0.0)
-    return found
+    near, differs = _near_pairs(T_world_robot, velocities, usable)
+    most_different, nothing = np.inf, replace(found, sweep=0.0)
+    for _ in range(1 + MILDER):
+        chosen = _telling(near, differs, int(share * PAIRS), most_different)
+        if len(chosen) < LEAST_PAIRS:
+            return nothing
+        rows, local = np.unique(near[chosen], return_inverse=True)
+        of_pairs = [scans[i] for i in rows]
+        swept = _sweep(of_pairs, T_world_robot[rows], velocities[rows], local.reshape(-1, 2), found, cleaning)
+        if np.isfinite(swept.sweep_deviation):
+            return swept if _counts(swept.sweep, swept.sweep_deviation, period) else replace(swept, sweep=0.0)
+        most_different = 0.5 * float(np.median(differs[chosen]))
+    return nothing
 
 
 def _counts(seconds: float, deviation: float, period: float) -> bool:
@@ -168,6 +174,8 @@ def _interlace(
         if search.settled:
             break
         found = replace(found, interlace=found.interlace + search.step(sums))
+    else:
+        return nothing
     without = _jagged(scans, velocities, nothing, cleaning)
     return best if without is not None and misfit <= BETTER * without.misfit else replace(best, interlace=0.0)
 
@@ -198,10 +206,11 @@ def _jagged(
     return _Slope(curvature.astype(np.float64), gradient.astype(np.float64), misfit)
 
 
-def _telling_pairs(poses: Array, velocities: Array, usable: Index, most: int) -> Index:
-    """Pairs ``(P, 2)`` of scans of one place during which the robot moved differently, in the order of time."""
+def _near_pairs(poses: Array, velocities: Array, usable: Index) -> tuple[Index, Array]:
+    """Pairs ``(P, 2)`` of scans of one place, and how differently the robot moved during the two, metres a second."""
     from scipy.spatial import cKDTree  # slow to import
 
+    usable = usable[:: max(-(-len(usable) // MOST_PLACED), 1)]
     near = cKDTree(poses[usable, :2]).query_pairs(NEAR, output_type="ndarray") if len(usable) else np.zeros((0, 2))
     pairs = np.sort(usable[near.astype(np.int64)].reshape(-1, 2), axis=1)
     turn = se2.between(poses[pairs[:, 0]], poses[pairs[:, 1]])[:, 2]
@@ -210,9 +219,13 @@ def _telling_pairs(poses: Array, velocities: Array, usable: Index, most: int) ->
     c, s = np.cos(turn), np.sin(turn)
     along = c * second[:, 0] - s * second[:, 1] - first[:, 0]
     across = s * second[:, 0] + c * second[:, 1] - first[:, 1]
-    differs = np.hypot(np.hypot(along, across), LEVER * (second[:, 2] - first[:, 2]))
-    order = np.argsort(-differs, kind="stable")[: 20 * most]
-    order = order[differs[order] >= LEAST_SPEED]
+    return pairs, np.hypot(np.hypot(along, across), LEVER * (second[:, 2] - first[:, 2]))
+
+
+def _telling(pairs: Index, differs: Array, most: int, most_different: float) -> Index:
+    """Rows of the pairs that differ most, though not more than so much, in the order of time."""
+    order = np.argsort(-differs, kind="stable")
+    order = order[(differs[order] >= LEAST_SPEED) & (differs[order] <= most_different)][: 20 * most]
     used: dict[int, int] = {}
     chosen = []
     for row in order.tolist():
@@ -222,14 +235,17 @@ def _telling_pairs(poses: Array, velocities: Array, usable: Index, most: int) ->
             chosen.append(row)
             if len(chosen) == most:
                 break
-    return pairs[np.sort(np.array(chosen, dtype=np.int64))]
+    return np.sort(np.array(chosen, dtype=np.int64))
 
 
 def _sweep(
     scans: Sequence[LaserScan], poses: Array, velocities: Array, pairs: Index, found: BeamTimes,
     cleaning: CleaningOptions,
 ) -> BeamTimes:
-    """By how far returns of pairs of scans lie apart at the relative pose that suits them best."""
+    """By how far returns of pairs of scans lie apart at the relative pose that suits them best.
+
+    Of infinite deviation where too few pairs lie on each other, or the steps do not settle.
+    """
     T, search = se2.between(poses[pairs[:, 0]], poses[pairs[:, 1]]), _Search()
     nothing = replace(found, sweep=0.0, sweep_deviation=float("inf"))
     without = _bent(scans, velocities, pairs, T, nothing, cleaning)[0]
@@ -241,6 +257,8 @@ def _sweep(
         found = replace(found, sweep=sweep, sweep_deviation=sums.deviation())
         if search.settled:
             break
+    else:
+        return nothing
     return found if sums.misfit <= BETTER * without.misfit else replace(found, sweep=0.0)
 
 
