@@ -12,12 +12,12 @@ import typer
 from scipy.spatial import cKDTree
 from typer.testing import CliRunner
 
-from clew.cli.evaluate import evaluate
+from clew.cli.evaluate import evaluate, told_of_beams
 from clew.cli.self_evaluation import in_plane, measure_pairs, without_motion
 from clew.errors import InputError
 from clew.geometry import se2
 from clew.io import open_log, read_tum, write_tum
-from clew.scan import LaserScan, extract_points, index_cloud, join
+from clew.scan import BeamTimes, LaserScan, extract_points, index_cloud, join
 from clew.sim import Drive, LaserModel, OdometryModel, drive, hall, office_building, simulate, tour, write_carmen
 
 
@@ -141,6 +141,26 @@ def test_self_finds_out_when_beams_were_measured_whatever_the_poses(app: typer.T
     assert "motion within scans taken out" in run(app, *arguments)
     assert reports["true"]["spread"]["median_m"] < 0.006
     assert reports["bent"]["spread"]["median_m"] > 1.1 * reports["true"]["spread"]["median_m"]
+
+
+def test_self_bounds_a_sweep_by_the_scans_of_the_log_not_by_the_poses(app: typer.Typer, tmp_path: Path) -> None:
+    """Scans seem to take 100 ms, though one comes every 50: of a trajectory with every third that must not be lost."""
+    world = office_building(3)
+    laser = LaserModel(181, resolution=0.001, sigma_range=0.005, sweep=0.1)
+    log = simulate(world, drive(tour(world, 3, 200.0), rate=20.0, duration=100.0), laser, OdometryModel.medium(), 3)
+    write_carmen(log, tmp_path / "drive.log")
+    write_tum(tmp_path / "third.tum", log.timestamps[::3], log.T_world_robot[::3])
+    arguments = (tmp_path / "third.tum", "--self", tmp_path / "drive.log")
+    assert json.loads(run(app, *arguments, "--json"))["self"]["sweep_found_s"] == 0.0
+
+
+@pytest.mark.parametrize(("times", "said"), [
+    (BeamTimes(0.0067, 0.0133, 0.001, 0.001), "sweep of 6.7 ms, every second beam 13.3 ms later"),
+    (BeamTimes(0.0, 0.0133, np.inf, 0.001), "sweep not found, every second beam 13.3 ms later"),
+    (BeamTimes(0.18, 0.0, 0.001, np.inf), "sweep of 180.0 ms, of every second beam nothing found"),
+])
+def test_what_was_not_found_is_not_said_to_be_zero(times: BeamTimes, said: str) -> None:
+    assert told_of_beams(times) == said
 
 
 def test_self_takes_the_motion_out_of_sweeps() -> None:

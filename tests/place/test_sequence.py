@@ -39,13 +39,18 @@ def test_what_a_match_is_told_to_say_by_itself_is_what_it_said() -> None:
     """Nothing of the others, nor of the way between, may be counted again in the graph."""
     means, variances = [0.3, -0.2, 0.5], [0.09, 0.04, 0.16]
     evidence = np.stack([gaussian(m, v) for m, v in zip(means, variances, strict=True)])
-    evidence[0] += gaussian(0.0, 1.0)
-    for k, (by_all, by_others) in enumerate(zip(*along_all(evidence, [0.05, 0.1], OFFSETS), strict=True)):
-        if k == 0:
-            continue
+    prior = gaussian(0.0, 1.0)
+    for k, (by_all, by_others) in enumerate(zip(*along_all(evidence, [0.05, 0.1], OFFSETS, prior), strict=True)):
         offset, variance = told(by_all, by_others, OFFSETS)
         assert offset == pytest.approx(means[k], abs=0.02)
         assert variance == pytest.approx(variances[k], rel=0.15)
+
+
+def test_what_is_known_beforehand_is_no_evidence_of_the_first_match() -> None:
+    prior = gaussian(0.2, 0.09)
+    by_all, by_others = along_all(np.zeros((2, len(OFFSETS))), [0.05], OFFSETS, prior)
+    np.testing.assert_allclose(by_all[0], np.exp(prior) / np.exp(prior).sum(), rtol=1e-9)
+    assert all(told(a, b, OFFSETS)[1] > 1e6 for a, b in zip(by_all, by_others, strict=True))
 
 
 def test_a_match_that_says_nothing_is_told_to_say_nothing() -> None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import sys
+import tracemalloc
 from dataclasses import replace
 from functools import cache
 
@@ -10,7 +12,8 @@ import pytest
 
 from clew.motion import body_velocities
 from clew.scan import BeamTimes, LaserScan, find_beam_times
-from clew.sim import LaserModel, OdometryModel, SimulatedLog, drive, office_building, simulate, tour
+from clew.sim import Drive, LaserModel, OdometryModel, SimulatedLog, World, drive, office_building, simulate, tour
+from clew.sim.world import box
 
 WORLD = office_building(3)
 PERIOD = 0.2
@@ -18,6 +21,10 @@ PERIOD = 0.2
 INTERLACED = LaserModel(360, np.radians(179.5), resolution=0.001, sweep=1 / 150, interlace=1 / 75)
 SWEEPING = replace(INTERLACED, sweep=0.1, interlace=0.0)
 AT_ONCE = replace(INTERLACED, sweep=0.0, interlace=0.0)
+SLOW = LaserModel(360, np.radians(359.0), resolution=0.001, sweep=0.18)
+ROOM = World("room", np.concatenate([box(-12.0, -10.0, 12.0, 10.0), box(4.0, 4.0, 5.0, 5.0), box(-7.0, 3.0, -6.0, 4.0),
+                                     box(-3.0, -6.0, -2.0, -5.0), box(7.0, -3.5, 8.0, -3.0)]),
+             np.zeros((1, 2)), np.zeros((0, 2), dtype=np.int64))
 
 
 @cache
@@ -72,6 +79,39 @@ def test_a_mirror_that_turns_the_other_way_has_a_negative_sweep() -> None:
     again = found(backwards, log, share=0.5)
     assert again.sweep == pytest.approx(-times.sweep, rel=0.02)
     assert again.interlace == times.interlace == 0.0
+
+
+@pytest.mark.parametrize("seconds", [60.0, 180.0])
+def test_a_slow_laser_is_found_out_however_much_there_is(seconds: float) -> None:
+    """Scans taken in the sharpest turns are too bent to lie on each other; more scans have more of these."""
+    t = np.arange(0.0, seconds, SLOW.sweep)
+    heading = np.cumsum(SLOW.sweep * (0.9 * np.sin(0.7 * t) + 0.1))
+    steps = SLOW.sweep * (0.4 + 0.1 * np.sin(t)) * np.stack([np.cos(heading), np.sin(heading)])
+    way = np.cumsum(steps, axis=1)
+    log = simulate(ROOM, Drive(t, np.column_stack([*way, heading])), SLOW, OdometryModel.medium(), 3)
+    moved = body_velocities(log.timestamps, log.T_world_robot)
+    times = find_beam_times(recorded(log), log.T_world_robot, moved.velocity, moved.steady, SLOW.sweep)
+    assert times.sweep == pytest.approx(0.18, rel=0.03)
+
+
+def test_what_does_not_settle_is_not_believed(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(sys.modules["clew.scan.find_beam_times"], "ROUNDS", 1)
+    log = driven(INTERLACED)
+    assert not found(recorded(log), log, share=0.5)
+
+
+def test_memory_does_not_grow_with_the_square_of_scans_in_one_place() -> None:
+    def peak(count: int) -> int:
+        rng = np.random.default_rng(1)
+        poses, turning = rng.uniform(-1.0, 1.0, (count, 3)), rng.uniform(0.3, 0.6, (count, 3))
+        nothing = [LaserScan(0.1 * k, np.full(9, np.inf), 0.0, 0.01, 0.0, 9.0) for k in range(count)]
+        tracemalloc.start()
+        find_beam_times(nothing, poses, turning, np.ones(count, np.bool_), 0.1)
+        most = tracemalloc.get_traced_memory()[1]
+        tracemalloc.stop()
+        return most
+
+    assert peak(3000) < 1.5 * peak(1500)
 
 
 def test_of_scans_that_are_measured_at_once_nothing_is_found() -> None:

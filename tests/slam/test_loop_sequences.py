@@ -85,3 +85,10 @@ def test_a_closure_that_has_become_whole_is_told_of_once() -> None:
     ends = {(c.source, c.target) for c in row}
     assert sorted((c.source, c.target) for c in told if (c.source, c.target) in ends) == sorted(ends)
     assert any(c.in_row for c in closer.accepted)
+
+
+def test_one_partial_closure_is_no_row() -> None:
+    slam = mapped(twice_round())
+    row = row_of_partial(slam)
+    moved_along(slam, row, 0.6)
+    assert slam._closer._sequences.match(row[3:4]) == []

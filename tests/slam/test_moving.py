@@ -103,3 +103,26 @@ def test_scans_full_of_people_tell_less() -> None:
             slam.add_scan(beside(x, person if step == 11 else 1e3, x))
         numbers.append(slam._tracker._covariance[1, 1])
     assert numbers[1] > 1.15 * numbers[0]  # alike if nothing but their number counted
+
+
+def cast(walls: NDArray[np.float64], pose: NDArray[np.float64], angles: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Ranges to the nearest of walls ``(W, 4)``, from one point to another."""
+    rays = np.stack([np.cos(pose[2] + angles), np.sin(pose[2] + angles)], axis=1)
+    begin, along = walls[:, :2] - pose[:2], walls[:, 2:] - walls[:, :2]
+    across = rays[:, None, 0] * along[None, :, 1] - rays[:, None, 1] * along[None, :, 0] + 1e-12  # none is parallel
+    distance = (begin[:, 0] * along[:, 1] - begin[:, 1] * along[:, 0]) / across
+    share = (begin[:, 0] * rays[:, None, 1] - begin[:, 1] * rays[:, None, 0]) / across
+    return np.where((distance > 0.0) & (share >= 0.0) & (share <= 1.0), distance, np.inf).min(axis=1)
+
+
+def test_where_everything_that_is_seen_contradicts_the_map_the_run_goes_on() -> None:
+    street = np.array([[-10.0, 3, 10, 3], [-10, -3, 10, -3], [10, -3, 10, 3]])
+    elsewhere = np.array([[7.0, -0.6, 7, 0.6], [-10, 9, 10, 9], [-10, -9, 10, -9]])  # a screen ahead, no walls near
+    angles = np.linspace(-np.pi / 2, np.pi / 2, 361)
+    slam, noise = Slam(), np.random.default_rng(0)
+    for k in range(80):
+        pose = np.array([0.1 * min(k, 60), 0.0, 0.05 * max(k - 59, 0)])
+        slam.add(Odometry(0.1 * k, pose))
+        ranges = cast(street if k < 60 else elsewhere, pose, angles) + noise.normal(0.0, 0.01, 361)
+        slam.add(LaserScan(0.1 * k, ranges, angles[0], angles[1] - angles[0], 0.05, 30.0, np.zeros(3)))
+    assert np.allclose(slam.trajectory.T_world_robot[-1], [6.0, 0.0, 1.0], atol=0.3)

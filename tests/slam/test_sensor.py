@@ -24,6 +24,7 @@ from clew.sim import (
     long_corridor,
     office_building,
     simulate,
+    simulate_kind,
     tour,
 )
 from clew.slam import Slam
@@ -258,3 +259,10 @@ def test_scans_of_one_moment_stay_as_they_are() -> None:
     assert isinstance(laser, dict)
     assert laser["sweep_known_from"] is None
     assert all(not kept.scan.is_sweep for kept in slam._scans.of_keyframes(slam.keyframe_numbers))
+
+
+def test_scans_of_one_moment_stay_as_they_are_where_odometry_misleads() -> None:
+    odometry = OdometryModel(0.06, 0.04, 0.006, 0.1, 0.04, 0.08, 0.03)
+    laser = LaserModel(181, range_max=25.0)
+    log = simulate_kind("campus", 50, duration=170.0, rate=3.0, laser=laser, odometry=odometry)
+    assert not mapped(log.measurements())._sensor.beam_times

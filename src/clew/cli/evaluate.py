@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
@@ -13,6 +14,7 @@ from clew.errors import InputError
 if TYPE_CHECKING:
     from clew.cli.self_evaluation import SelfEvaluation
     from clew.evaluate import ErrorStatistics
+    from clew.scan import BeamTimes
 
 
 def evaluate(
@@ -150,5 +152,14 @@ def _print_spread(of_itself: SelfEvaluation) -> None:
         f"({spread.used} returns, {spread.unused} without a wall)", soft_wrap=True)
     if of_itself.beam_times:
         results().print(
-            f"motion within scans taken out: sweep of {1000 * of_itself.beam_times.sweep:.1f} ms, every second beam "
-            f"{1000 * of_itself.beam_times.interlace:.1f} ms later, found from the scans", soft_wrap=True)
+            f"motion within scans taken out: {told_of_beams(of_itself.beam_times)}, found from the scans",
+            soft_wrap=True)
+
+
+def told_of_beams(times: BeamTimes) -> str:
+    """When the beams of a scan were measured, in words."""
+    sweep, interlace = (1000 * seconds for seconds in (times.sweep, times.interlace))
+    swept = f"sweep of {sweep:.1f} ms" if isfinite(times.sweep_deviation) else "sweep not found"
+    if isfinite(times.interlace_deviation):
+        return f"{swept}, every second beam {interlace:.1f} ms later"
+    return f"{swept}, of every second beam nothing found"

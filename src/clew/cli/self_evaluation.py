@@ -105,7 +105,10 @@ def evaluate_self(
     times = BeamTimes()
     if not any(scan.is_sweep for scan in scans):
         chosen = _along_the_way(poses)
-        times = beam_times_of(timestamps, poses, chosen, [scans[i] for i in chosen], CleaningOptions())
+        period = float(np.median(np.diff(np.unique(stamps))))
+        times = beam_times_of(
+            timestamps, poses, chosen, [scans[i] for i in chosen], CleaningOptions(), period=period
+        )
         scans = [times.of(scan) for scan in scans]
     scans = without_motion(scans, timestamps, poses)
     pairs, disagreement = _judge_pairs(timestamps, poses, scans, progress)

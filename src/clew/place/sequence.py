@@ -49,18 +49,24 @@ def evidence_along(submap: Submap, points: Array, T_target_source: Array, direct
     return np.asarray(TEMPER * np.log(ANYWHERE + (1.0 - ANYWHERE) * likelihoods).sum(axis=1))
 
 
-def along_all(evidence: Array, variances: Array | Sequence[float], offsets: Array) -> tuple[Array, Array]:
+def along_all(
+    evidence: Array, variances: Array | Sequence[float], offsets: Array, prior: Array | None = None
+) -> tuple[Array, Array]:
     """Probability ``(n, S)`` of each offset of each match by all of them, and by all others alone.
 
     Args:
-        evidence: ``(n, S)`` log likelihoods; what is known of the first beforehand is in them.
+        evidence: ``(n, S)`` log likelihoods.
         variances: ``(n - 1,)`` by how much the offset may change from one match to the next, square metres.
         offsets: ``(S,)`` metres.
+        prior: ``(S,)`` logarithm of what is known of the first beforehand, which is none of its evidence; nothing by
+            default.
     """
     spread = -0.5 * np.square(offsets[:, None] - offsets)
     least = 0.25 * float(offsets[1] - offsets[0]) ** 2
     steps = [_normalised(spread / max(float(v), least)) for v in variances]
     before, after = np.zeros_like(evidence), np.zeros_like(evidence)
+    if prior is not None:
+        before[0] = prior
     for k, step in enumerate(steps):
         before[k + 1] = logsumexp((before[k] + evidence[k])[:, None] + step, axis=0)
     for k in range(len(steps) - 1, -1, -1):

@@ -32,7 +32,9 @@ SCANS = 120  # that are looked at by themselves at most
 PAIRS = 240  # of scans that are compared at most,
 PAIRS_A_SCAN = 4  # and so many of each,
 NEAR, TURNED = 2.0, 1.2  # metres and radians between the two at most
-LEAST_SCANS, LEAST_PAIRS, LEAST_RETURNS = 10, 10, 100
+MOST_PLACED = 1500  # scans among which pairs are looked for: there may be as many as the square of it
+MILDER = 3  # times at most that pairs half as different are tried, where the others are too bent to lie on each other
+LEAST_SCANS, LEAST_PAIRS, LEAST_RETURNS = 10, 20, 100
 ROUNDS = 8  # of linearisation at most,
 SETTLED, SETTLED_SIGMAS = 2e-4, 0.5  # until the estimate moves less than this, seconds, or than so many deviations
 FURTHER = 3.0  # times a step at most that is taken where the steps before fell short
@@ -45,6 +47,7 @@ BLOCKS = 10  # of scans or pairs next to each other in time: what they err by to
 SIGMAS = 4.0  # an estimate counts when it is so many deviations
 LEAST_SECONDS = 1e-3  # and this from zero; less does no harm and may be the roughness of the world
 LONGEST = 1.05  # periods of the scans; a scan that took longer is a mistake
+BETTER = 0.995  # times the misfit without an estimate is left with it, at most: steps along a slope may lead uphill
 TINY = 1e-12
 ALIGNMENT = AlignmentOptions(radius_start=0.2, radius_end=RADIUS)
 
@@ -55,10 +58,12 @@ class _Slope:
 
     Attributes:
         curvature, gradient: ``(K,)`` of half the squared residuals.
+        misfit: mean residual, metres, large ones cut.
     """
 
     curvature: Array
     gradient: Array
+    misfit: float
 
     @property
     def step(self) -> float:
@@ -122,15 +127,19 @@ def find_beam_times(
         found = _interlace([scans[i] for i in rows], velocities[rows], start, cleaning)
         if not _counts(found.interlace, found.interlace_deviation, period):
             found = replace(found, interlace=0.0)
-    pairs = _telling_pairs(T_world_robot, velocities, usable, int(share * PAIRS))
-    if len(pairs) < LEAST_PAIRS:
-        return replace(found, sweep=0.0)
-    rows, local = np.unique(pairs, return_inverse=True)
-    of_pairs = [scans[i] for i in rows]
-    found = _sweep(of_pairs, T_world_robot[rows], velocities[rows], local.reshape(-1, 2), found, cleaning)
-    if not _counts(found.sweep, found.sweep_deviation, period):
-        found = replace(found, sweep=0.0)
-    return found
+    near, differs = _near_pairs(T_world_robot, velocities, usable)
+    most_different, nothing = np.inf, replace(found, sweep=0.0)
+    for _ in range(1 + MILDER):
+        chosen = _telling(near, differs, int(share * PAIRS), most_different)
+        if len(chosen) < LEAST_PAIRS:
+            return nothing
+        rows, local = np.unique(near[chosen], return_inverse=True)
+        of_pairs = [scans[i] for i in rows]
+        swept = _sweep(of_pairs, T_world_robot[rows], velocities[rows], local.reshape(-1, 2), found, cleaning)
+        if np.isfinite(swept.sweep_deviation):
+            return swept if _counts(swept.sweep, swept.sweep_deviation, period) else replace(swept, sweep=0.0)
+        most_different = 0.5 * float(np.median(differs[chosen]))
+    return nothing
 
 
 def _counts(seconds: float, deviation: float, period: float) -> bool:
@@ -153,39 +162,55 @@ def _interlace(
     scans: Sequence[LaserScan], velocities: Array, found: BeamTimes, cleaning: CleaningOptions
 ) -> BeamTimes:
     """By how far returns lie beside the line between their neighbours."""
-    search = _Search()
+    nothing = replace(found, interlace=0.0, interlace_deviation=float("inf"))
+    search, best, misfit = _Search(), nothing, float("inf")
     for _ in range(ROUNDS):
-        parts = []
-        for scan, velocity in zip(scans, velocities, strict=True):
-            cloud, beams = extract_returns(deskew(found.of(scan), velocity), cleaning)
-            late = interlace_of(len(scan.ranges))[beams]
-            moved = _flow(cloud, velocity) * late[:, None]
-            row = (np.diff(beams[:-1]) == 1) & (np.diff(beams[1:]) == 1) & (cloud.along[1:-1] == 0.0)
-            normal = cloud.normals[1:-1]
-            residual, slope = (
-                np.sum(normal * (a[1:-1] - 0.5 * (a[:-2] + a[2:])), axis=1)[row] for a in (cloud.points, moved)
-            )
-            parts.append((residual, slope))
-        owner = np.repeat(np.arange(len(parts)), [len(residual) for residual, _ in parts])
-        residual, slope = (np.concatenate(column) for column in zip(*parts, strict=True))
-        if len(residual) < LEAST_RETURNS:
-            return replace(found, interlace=0.0, interlace_deviation=float("inf"))
-        # Least absolute values; far, grazing walls, which motion moves most and whose normals are worst, do not rule.
-        weight = 1.0 / np.maximum(np.abs(residual), LEAST_RESIDUAL)
-        weight /= 1.0 + np.square(slope / max(LEVERAGE * float(np.median(np.abs(slope))), TINY))
-        curvature, gradient = (np.bincount(owner, weight * slope * other, len(parts)) for other in (slope, residual))
-        sums = _Slope(curvature.astype(np.float64), gradient.astype(np.float64))
-        interlace = found.interlace + search.step(sums)
-        found = replace(found, interlace=interlace, interlace_deviation=sums.deviation())
+        sums = _jagged(scans, velocities, found, cleaning)
+        if sums is None:
+            return nothing
+        if sums.misfit >= misfit:  # the slope misleads
+            break
+        best, misfit = replace(found, interlace_deviation=sums.deviation()), sums.misfit
         if search.settled:
             break
-    return found
+        found = replace(found, interlace=found.interlace + search.step(sums))
+    else:
+        return nothing
+    without = _jagged(scans, velocities, nothing, cleaning)
+    return best if without is not None and misfit <= BETTER * without.misfit else replace(best, interlace=0.0)
 
 
-def _telling_pairs(poses: Array, velocities: Array, usable: Index, most: int) -> Index:
-    """Pairs ``(P, 2)`` of scans of one place during which the robot moved differently, in the order of time."""
+def _jagged(
+    scans: Sequence[LaserScan], velocities: Array, found: BeamTimes, cleaning: CleaningOptions
+) -> _Slope | None:
+    """Sums of each scan of how far its returns lie beside the line between their neighbours; None of too few."""
+    parts = []
+    for scan, velocity in zip(scans, velocities, strict=True):
+        cloud, beams = extract_returns(deskew(found.of(scan), velocity), cleaning)
+        late = interlace_of(len(scan.ranges))[beams]
+        moved = _flow(cloud, velocity) * late[:, None]
+        row = (np.diff(beams[:-1]) == 1) & (np.diff(beams[1:]) == 1) & (cloud.along[1:-1] == 0.0)
+        normal = cloud.normals[1:-1]
+        parts.append(tuple(
+            np.sum(normal * (a[1:-1] - 0.5 * (a[:-2] + a[2:])), axis=1)[row] for a in (cloud.points, moved)
+        ))  # fmt: skip
+    owner = np.repeat(np.arange(len(parts)), [len(residual) for residual, _ in parts])
+    residual, slope = (np.concatenate(column) for column in zip(*parts, strict=True))
+    if len(residual) < LEAST_RETURNS:
+        return None
+    # Least absolute values; far, grazing walls, which motion moves most and whose normals are worst, do not rule.
+    weight = 1.0 / np.maximum(np.abs(residual), LEAST_RESIDUAL)
+    weight /= 1.0 + np.square(slope / max(LEVERAGE * float(np.median(np.abs(slope))), TINY))
+    curvature, gradient = (np.bincount(owner, weight * slope * other, len(parts)) for other in (slope, residual))
+    misfit = float(np.mean(np.minimum(np.abs(residual), RADIUS)))
+    return _Slope(curvature.astype(np.float64), gradient.astype(np.float64), misfit)
+
+
+def _near_pairs(poses: Array, velocities: Array, usable: Index) -> tuple[Index, Array]:
+    """Pairs ``(P, 2)`` of scans of one place, and how differently the robot moved during the two, metres a second."""
     from scipy.spatial import cKDTree  # slow to import
 
+    usable = usable[:: max(-(-len(usable) // MOST_PLACED), 1)]
     near = cKDTree(poses[usable, :2]).query_pairs(NEAR, output_type="ndarray") if len(usable) else np.zeros((0, 2))
     pairs = np.sort(usable[near.astype(np.int64)].reshape(-1, 2), axis=1)
     turn = se2.between(poses[pairs[:, 0]], poses[pairs[:, 1]])[:, 2]
@@ -194,9 +219,13 @@ def _telling_pairs(poses: Array, velocities: Array, usable: Index, most: int) ->
     c, s = np.cos(turn), np.sin(turn)
     along = c * second[:, 0] - s * second[:, 1] - first[:, 0]
     across = s * second[:, 0] + c * second[:, 1] - first[:, 1]
-    differs = np.hypot(np.hypot(along, across), LEVER * (second[:, 2] - first[:, 2]))
-    order = np.argsort(-differs, kind="stable")[: 20 * most]
-    order = order[differs[order] >= LEAST_SPEED]
+    return pairs, np.hypot(np.hypot(along, across), LEVER * (second[:, 2] - first[:, 2]))
+
+
+def _telling(pairs: Index, differs: Array, most: int, most_different: float) -> Index:
+    """Rows of the pairs that differ most, though not more than so much, in the order of time."""
+    order = np.argsort(-differs, kind="stable")
+    order = order[(differs[order] >= LEAST_SPEED) & (differs[order] <= most_different)][: 20 * most]
     used: dict[int, int] = {}
     chosen = []
     for row in order.tolist():
@@ -206,29 +235,44 @@ def _telling_pairs(poses: Array, velocities: Array, usable: Index, most: int) ->
             chosen.append(row)
             if len(chosen) == most:
                 break
-    return pairs[np.sort(np.array(chosen, dtype=np.int64))]
+    return np.sort(np.array(chosen, dtype=np.int64))
 
 
 def _sweep(
     scans: Sequence[LaserScan], poses: Array, velocities: Array, pairs: Index, found: BeamTimes,
     cleaning: CleaningOptions,
 ) -> BeamTimes:
-    """By how far returns of pairs of scans lie apart at the relative pose that suits them best."""
-    T_first_second, search = se2.between(poses[pairs[:, 0]], poses[pairs[:, 1]]), _Search()
+    """By how far returns of pairs of scans lie apart at the relative pose that suits them best.
+
+    Of infinite deviation where too few pairs lie on each other, or the steps do not settle.
+    """
+    T, search = se2.between(poses[pairs[:, 0]], poses[pairs[:, 1]]), _Search()
+    nothing = replace(found, sweep=0.0, sweep_deviation=float("inf"))
+    without = _bent(scans, velocities, pairs, T, nothing, cleaning)[0]
     for _ in range(ROUNDS):
-        clouds, flows = [], []
-        for scan, velocity in zip(scans, velocities, strict=True):
-            cloud, beams = extract_returns(deskew(found.of(scan), velocity), cleaning)
-            clouds.append(cloud)
-            flows.append(_flow(cloud, velocity) * sweep_of(len(scan.ranges))[beams][:, None])
-        sums, T_first_second = _pair_sums(clouds, np.concatenate(flows), pairs, T_first_second)
+        sums, T = _bent(scans, velocities, pairs, T, found, cleaning)
         if len(sums.curvature) < LEAST_PAIRS:
-            return replace(found, sweep=0.0, sweep_deviation=float("inf"))
+            return nothing
         sweep = found.sweep + search.step(sums)
         found = replace(found, sweep=sweep, sweep_deviation=sums.deviation())
         if search.settled:
             break
-    return found
+    else:
+        return nothing
+    return found if sums.misfit <= BETTER * without.misfit else replace(found, sweep=0.0)
+
+
+def _bent(
+    scans: Sequence[LaserScan], velocities: Array, pairs: Index, T_first_second: Array, found: BeamTimes,
+    cleaning: CleaningOptions,
+) -> tuple[_Slope, Array]:
+    """Sums of each pair of scans of how far their returns lie apart, and all relative poses ``(P, 3)``."""
+    clouds, flows = [], []
+    for scan, velocity in zip(scans, velocities, strict=True):
+        cloud, beams = extract_returns(deskew(found.of(scan), velocity), cleaning)
+        clouds.append(cloud)
+        flows.append(_flow(cloud, velocity) * sweep_of(len(scan.ranges))[beams][:, None])
+    return _pair_sums(clouds, np.concatenate(flows), pairs, T_first_second)
 
 
 def _pair_sums(clouds: list[ScanPoints], flow: Array, pairs: Index, T_start: Array) -> tuple[_Slope, Array]:
@@ -238,7 +282,7 @@ def _pair_sums(clouds: list[ScanPoints], flow: Array, pairs: Index, T_start: Arr
     batch = join([index_cloud(cloud) for cloud in clouds])
     cloud, offsets = batch.cloud, batch.offsets
     if len(cloud) < LEAST_RETURNS:
-        return _Slope(np.zeros(0), np.zeros(0)), T_start
+        return _Slope(np.zeros(0), np.zeros(0), RADIUS), T_start
     fine = align(batch, batch.as_sources(), pairs.astype(np.int32), T_start, options=ALIGNMENT)
     T = fine.T_target_source
     # All returns of the second scan of each pair, and the nearest of the first within the radius.
@@ -267,10 +311,10 @@ def _pair_sums(clouds: list[ScanPoints], flow: Array, pairs: Index, T_start: Arr
     weight = cloud.weights[source] * _weights(residual)
     begins = np.flatnonzero(np.diff(pair, prepend=-1))
     if not len(begins):
-        return _Slope(np.zeros(0), np.zeros(0)), T
+        return _Slope(np.zeros(0), np.zeros(0), RADIUS), T
     products = (weight[:, None, None] * rows[:, :, None] * rows[:, None, :]).reshape(-1, 25)
     sums = np.add.reduceat(products, begins, axis=0).reshape(-1, 5, 5)
     # The pose is whatever suits each pair best (Schur complement); a corridor leaves a direction of it open.
     pose = sums[:, :3, :3] + 1e-6 * np.trace(sums[:, :3, :3], axis1=1, axis2=2)[:, None, None] * np.eye(3)
     left = sums[:, 3:, 3:] - sums[:, 3:, :3] @ np.linalg.solve(pose + TINY * np.eye(3), sums[:, :3, 3:])
-    return _Slope(left[:, 0, 0], left[:, 0, 1]), T
+    return _Slope(left[:, 0, 0], left[:, 0, 1], float(np.mean(np.abs(residual)))), T

@@ -92,7 +92,7 @@ class SequenceMatcher:
         """Whole closures for those partial ones among `held` whose place along their corridor has become clear."""
         found: list[Closure] = []
         for chain in self._chains(sorted(held, key=lambda c: c.source)):
-            if any(link.closure.is_partial for link in chain):
+            if len(chain) > 1 and any(link.closure.is_partial for link in chain):
                 found += self._resolve(chain)
         return found
 
@@ -151,10 +151,10 @@ class SequenceMatcher:
             return []
         offsets: Array = STEP * np.arange(-count, count + 1, dtype=np.float64)
         evidence = np.stack([self._evidence(link, offsets) for link in chain])
-        evidence[0] -= 0.5 * np.square(offsets / chain[0].deviation)
+        prior = -0.5 * np.square(offsets / chain[0].deviation)
         variances = [self._freedom(a, b) for a, b in itertools.pairwise(chain)]
         found = []
-        for link, by_all, by_others in zip(chain, *along_all(evidence, variances, offsets), strict=True):
+        for link, by_all, by_others in zip(chain, *along_all(evidence, variances, offsets, prior), strict=True):
             offset, variance = told(by_all, by_others, offsets)
             clear = float(by_all[np.abs(offsets - by_all @ offsets) <= ABOUT].sum()) >= SURE
             if link.closure.is_partial and clear and variance < UNKNOWN**2 and abs(offset) <= half:

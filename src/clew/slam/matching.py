@@ -31,10 +31,12 @@ LEAST_POINTS = 10
 PINNED = 1e12  # information of a prior that holds a pose where it is
 ELSEWHERE = 1.5  # the search has left the prediction when it ended so many times `prior_floor` away
 LITTLE_SLIP = 0.7  # a prediction of more weight is left as it is
+MOST_MOVED = 0.5  # share of returns that are contradicted, from which on it is the pose or the place that is another
 FIRM = 4  # views of a place, or all there are, from which on what is there is known to stay
 FIRM_LOST = 0.2  # share of such places at most, among those that do not fit odometry, where this is right nevertheless
 SAME_HEADING = 0.02  # radians; walls tell the heading, whoever walks between them
 SLIP_FREEDOM = 3.0  # degrees of freedom of the distribution of odometry's errors
+
 
 @dataclass(frozen=True)
 class Match:
@@ -112,11 +114,14 @@ class ScanMatcher:
         start = self._search(local_map, points, predicted, prior, prediction) if near is None else near
         seen, through = local_map.views.looks_at(points, start)
         moved = contradicted(seen, through)
-        if moved.any():
+        share = int(np.count_nonzero(moved)) / max(int(np.count_nonzero(seen + through)), 1)
+        if share > MOST_MOVED:
+            moved = np.zeros_like(moved)
+        elif share > 0.0:
             points = points.select(~moved)
             if len(points) < LEAST_POINTS:
                 return unmatched
-        trusted = 1.0 - int(np.count_nonzero(moved)) / max(int(np.count_nonzero(seen + through)), 1)
+        trusted = 1.0 - min(share, MOST_MOVED)
         found = self._register(local_map, points, start, predicted, prior, trusted)
         is_doubtful = found is not None and found.trust < LITTLE_SLIP and prediction.by_odometry
         if found is not None and is_doubtful and _turned_alike(found, predicted):

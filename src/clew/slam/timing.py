@@ -25,7 +25,7 @@ def look_now(keyframes: int) -> bool:
 
 def beam_times_of(
     timestamps: Array, poses: Array, numbers: Index, scans: Sequence[LaserScan], cleaning: CleaningOptions,
-    share: float = 1.0, start: BeamTimes | None = None,
+    share: float = 1.0, start: BeamTimes | None = None, period: float | None = None,
 ) -> BeamTimes:
     """Moments of beams, as far as a trajectory and some of its scans tell them for sure (`find_beam_times`).
 
@@ -33,17 +33,18 @@ def beam_times_of(
     moved within a scan cannot be told from them.
 
     Args:
-        timestamps: ``(N,)`` of all scans, seconds,
+        timestamps: ``(N,)`` of scans, seconds,
         poses: ``(N, 3)`` and where the robot was.
         numbers: ``(S,)`` which of them
         scans: are given, as they were recorded; moments that they have do not count.
         cleaning: how returns are made of scans.
         share, start: as in `find_beam_times`.
+        period: seconds from one scan to the next, where `timestamps` are not those of all scans.
     """
     if not are_regular(timestamps):
         return BeamTimes()
     moved = body_velocities(timestamps, poses)
-    period = float(np.median(np.diff(timestamps)))
+    period = float(np.median(np.diff(timestamps))) if period is None else period
     return find_beam_times(
         scans, poses[numbers], moved.velocity[numbers], moved.steady[numbers], period, cleaning, share, start
     )
