@@ -198,11 +198,14 @@ class Slam:
     ) -> None:
         """Move all keyframes to where odometry and closures agree best, with those closures that only now are sure.
 
+        What `refine` found before is given up; it begins with this anyway.
+
         Args:
             progress: called with the keyframes for which closures have been looked for again, beginning with 0, and the
                 most there can be; not at all where there are none.
             stop: asked before each of these whether to leave it at that.
         """
+        self._refined = None
         self._closer.finish(progress, stop)
         self._pose_graph.optimise(to_the_end=True)
         self._viewer.moved(self)
