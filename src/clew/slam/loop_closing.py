@@ -91,6 +91,10 @@ class LoopCloser:
         self._places.forget(keyframes)
         self._beliefs.forget(set(keyframes))
 
+    def look_again(self) -> None:
+        """Returns of keyframes have changed."""
+        self._places.renew()
+
     def attempt(self, known: bool = False) -> bool:
         """Look for closures of the newest keyframe; whether keyframes have moved.
 

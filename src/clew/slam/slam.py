@@ -231,8 +231,12 @@ class Slam:
         if progress is not None:
             progress(0, self.config.refinement.rounds)
         numbers = self._keyframes.alive
-        known = None if self._retime(numbers) else self._keyframes.clouds(numbers)
+        retimed = self._retime(numbers)
+        known = None if retimed else self._keyframes.clouds(numbers)
         clouds = self._scans.still_returns(numbers, known, self._pose_graph.poses[numbers], self.config.cleaning)
+        if retimed:
+            self._keyframes.replace_clouds(numbers, clouds)
+            self._closer.look_again()
         self._refined = refine(clouds, numbers, self._pose_graph.graph, self.config, self._sensor, progress, stop)
         self._pose_graph.set_poses(np.asarray(self._refined.values(SE2).array))
         self._viewer.moved(self)
