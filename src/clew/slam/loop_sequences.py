@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -96,15 +96,16 @@ class SequenceMatcher:
                 found += self._resolve(chain)
         return found
 
-    def _chains(self, held: list[Closure]) -> Iterator[list[_Link]]:
-        """Closures that follow each other along one line."""
+    def _chains(self, held: list[Closure]) -> list[list[_Link]]:
+        """Closures that follow each other along one line; a chain for each of the times that the corridor was driven
+        before."""
         poses, paths = self._graph.poses, self._keyframes.paths
         partial = [c for c in held if c.is_partial]
         if not partial:
-            return
+            return []
         lines = {id(c): self._line(c) for c in partial}
         sources = np.array([paths[c.source] for c in partial])
-        chain: list[_Link] = []
+        chains: list[list[_Link]] = []
         for closure in held:
             nearest = partial[int(np.argmin(np.abs(sources - paths[closure.source])))]
             if abs(paths[nearest.source] - paths[closure.source]) > GAP:
@@ -113,14 +114,14 @@ class SequenceMatcher:
             turn = poses[nearest.target, 2] - poses[closure.target, 2]
             line = se2.act(np.array([0.0, 0.0, turn]), line[None])[0]
             link = self._link(closure, line)
-            if chain and not self._follows(chain[-1], link):
-                yield chain
-                chain = []
-            if chain and self._world(chain[-1]) @ self._world(link) < 0.0:
+            chain = next((chain for chain in reversed(chains) if self._follows(chain[-1], link)), None)
+            if chain is None:
+                chains.append([link])
+                continue
+            if self._world(chain[-1]) @ self._world(link) < 0.0:
                 link = replace(link, line=-link.line)
             chain.append(link)
-        if chain:
-            yield chain
+        return chains
 
     def _line(self, closure: Closure) -> Array:
         """Direction ``(2,)`` in which a partial closure knows nothing, in the target's frame."""
