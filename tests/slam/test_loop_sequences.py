@@ -116,3 +116,17 @@ def test_one_partial_closure_is_no_row() -> None:
     row = row_of_partial(slam)
     moved_along(slam, row, 0.6)
     assert slam._closer._sequences.match(row[3:4]) == []
+
+
+def test_rows_are_left_as_they_are_when_asked_to_stop_between_their_matches() -> None:
+    slam = mapped(twice_round())
+    row = row_of_partial(slam)
+    moved_along(slam, row, 0.6)
+    asked: list[bool] = []
+
+    def stop() -> bool:
+        asked.append(len(asked) == 3)
+        return asked[-1]
+
+    assert slam._closer._sequences.match(row, stop) == []
+    assert asked == [False, False, False, True]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -88,12 +88,20 @@ class SequenceMatcher:
         self._options = config.closing
         self._voxel = config.verification.fine_voxel
 
-    def match(self, held: Sequence[Closure]) -> list[Closure]:
-        """Whole closures for those partial ones among `held` whose place along their corridor has become clear."""
+    def match(self, held: Sequence[Closure], stop: Callable[[], bool] | None = None) -> list[Closure]:
+        """Whole closures for those partial ones among `held` whose place along their corridor has become clear.
+
+        Args:
+            held: all that are believed.
+            stop: asked before each match is looked at whether to leave this sequence and the others as they are.
+        """
         found: list[Closure] = []
         for chain in self._chains(sorted(held, key=lambda c: c.source)):
             if len(chain) > 1 and any(link.closure.is_partial for link in chain):
-                found += self._resolve(chain)
+                resolved = self._resolve(chain, stop)
+                if resolved is None:
+                    break
+                found += resolved
         return found
 
     def _chains(self, held: list[Closure]) -> list[list[_Link]]:
@@ -145,13 +153,18 @@ class SequenceMatcher:
             and abs(self._world(a) @ self._world(b)) > BEND
         )
 
-    def _resolve(self, chain: list[_Link]) -> list[Closure]:
+    def _resolve(self, chain: list[_Link], stop: Callable[[], bool] | None) -> list[Closure] | None:
+        """Closures that have become whole; None where it was stopped."""
         half = min(self._options.sigmas * max(link.deviation for link in chain), FARTHEST)
         count = int(np.ceil(half / STEP))
         if count < 2:
             return []
         offsets: Array = STEP * np.arange(-count, count + 1, dtype=np.float64)
-        evidence = np.stack([self._evidence(link, offsets) for link in chain])
+        evidence = np.zeros((len(chain), len(offsets)))
+        for row, link in zip(evidence, chain, strict=True):
+            if stop is not None and stop():
+                return None
+            row[:] = self._evidence(link, offsets)
         prior = -0.5 * np.square(offsets / chain[0].deviation)
         variances = [self._freedom(a, b) for a, b in itertools.pairwise(chain)]
         found = []
