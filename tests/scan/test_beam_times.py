@@ -52,6 +52,7 @@ def test_moments_are_about_the_middle() -> None:
     assert BeamTimes().of(times.of(scan)).moments is None
     assert BeamTimes().of(scan) is scan
     assert not BeamTimes()
+    np.testing.assert_array_equal(BeamTimes(sweep=0.04).moments(1), 0.0)
 
 
 def test_two_turns_of_a_mirror_are_told_apart_and_timed() -> None:

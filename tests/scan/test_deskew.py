@@ -71,6 +71,14 @@ def test_resampled_returns_stay_within_half_a_beam() -> None:
     assert (kept <= still.ranges).all()  # of several returns in one direction the nearest
 
 
+def test_a_scan_of_one_beam_has_nothing_to_resample() -> None:
+    scan = LaserScan(0.0, np.array([2.0]), 0.3, 0.0, 0.1, 30.0, time_increment=1e-4)
+    still = deskew(scan, np.array([1.0, 0.0, 0.5]))
+    even, beams = resample(still)
+    assert even is still
+    assert beams.tolist() == [0]
+
+
 @pytest.mark.parametrize("sigma", [0.003, 0.01, 0.03])
 @pytest.mark.parametrize("step", [0.0, 0.01])
 def test_noise_of_ranges_is_found(sigma: float, step: float) -> None:

@@ -8,9 +8,14 @@ from functools import cache
 import numpy as np
 
 from clew.geometry import se2
-from clew.place import Closure
+from clew.place import Closure, Verdict
+from clew.scan import ScanPoints
 from clew.sim import OdometryModel, SimulatedLog, drive, loop, simulate, tour
-from clew.slam import Slam
+from clew.slam import Slam, SlamConfig
+from clew.slam.keyframes import Keyframe, KeyframeStore
+from clew.slam.loop_sequences import SequenceMatcher
+from clew.slam.places import Places
+from clew.slam.pose_graph import PoseGraph
 from slam.drives import LASER, closure_error, mapped
 
 
@@ -87,8 +92,41 @@ def test_a_closure_that_has_become_whole_is_told_of_once() -> None:
     assert any(c.in_row for c in closer.accepted)
 
 
+def test_closures_with_two_older_passes_in_turns_are_two_rows() -> None:
+    """A corridor of 30 m driven three times in one direction, by a way of 10 m back to where it begins."""
+    config, along = SlamConfig(), 0.5 * np.arange(60)
+    keyframes, graph = KeyframeStore(), PoseGraph(config.closing.kernel_scale)
+    nothing = ScanPoints(np.zeros((0, 2)), np.zeros((0, 2)), np.zeros(0), np.zeros(0))
+    for k, x in enumerate(np.tile(along, 3)):
+        step = np.array([x - (keyframes.T_local_robot[k - 1, 0] if k else 0.0), 0.0, 0.0])
+        path = 40.0 * (k // 60) + x
+        keyframe = Keyframe(float(k), nothing, np.zeros(3), np.array([x, 0.0, 0.0]), path, step, 1e4 * np.eye(3))
+        keyframes.add(keyframe)
+        graph.add_keyframe(keyframe)
+    graph.optimise()
+    unknown_along = np.diag([1e-6, 1e4, 1e4])
+    held = [Closure(120 + k, k + 60 * (k // 4 % 2), 1.0, Verdict.CONFIRMED, np.zeros(3), unknown_along, is_partial=True)
+            for k in range(0, 40, 4)]
+    rows = SequenceMatcher(keyframes, graph, Places(keyframes, config), config)._chains(held)
+    assert [[link.closure.target for link in row] for row in rows] == [list(range(0, 40, 8)), list(range(64, 100, 8))]
+
+
 def test_one_partial_closure_is_no_row() -> None:
     slam = mapped(twice_round())
     row = row_of_partial(slam)
     moved_along(slam, row, 0.6)
     assert slam._closer._sequences.match(row[3:4]) == []
+
+
+def test_rows_are_left_as_they_are_when_asked_to_stop_between_their_matches() -> None:
+    slam = mapped(twice_round())
+    row = row_of_partial(slam)
+    moved_along(slam, row, 0.6)
+    asked: list[bool] = []
+
+    def stop() -> bool:
+        asked.append(len(asked) == 3)
+        return asked[-1]
+
+    assert slam._closer._sequences.match(row, stop) == []
+    assert asked == [False, False, False, True]

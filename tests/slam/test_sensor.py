@@ -8,11 +8,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from scipy.spatial import cKDTree
 
 from clew.evaluate import absolute_trajectory_error
 from clew.geometry import se2
 from clew.motion import Odometry
-from clew.scan import LaserScan, without_normal_noise
+from clew.scan import LaserScan, extract_points, without_normal_noise
 from clew.sim import (
     LaserModel,
     OdometryModel,
@@ -235,8 +236,15 @@ def test_a_slow_sweep_that_is_not_told_is_found() -> None:
     log = drive_in("office", SPINNING, rate=10.0, seconds=40.0)
     slam = mapped(untold(log))
     assert slam._sensor.beam_times.sweep == pytest.approx(SPINNING.sweep, rel=0.15)
+    bent = slam._closer._places.submap(0)
     slam.refine()
     assert slam._sensor.beam_times.sweep == pytest.approx(SPINNING.sweep, rel=0.1)
+    # What is drawn, and what scans to come are matched against, is as the map has it.
+    kept = slam._scans.of_keyframes(slam.keyframe_numbers)
+    anew = [extract_points(scan.still, slam.config.cleaning) for scan in kept]
+    apart = [cKDTree(cloud.points).query(points)[0] for cloud, points in zip(anew, slam.keyframe_points, strict=True)]
+    assert max(np.quantile(distances, 0.95) for distances in apart) < 0.005
+    assert slam._closer._places.submap(0) is not bent
 
 
 def test_what_the_log_tells_is_not_looked_for() -> None:

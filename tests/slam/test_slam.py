@@ -252,6 +252,15 @@ def test_a_log_goes_on_after_a_refinement() -> None:
     assert errors(slam.trajectory.T_world_robot, truth_of(log))[0].max() < 0.06
 
 
+def test_optimising_after_a_refinement_gives_that_up() -> None:
+    """Graph, poses and covariances are of one estimate at any moment."""
+    slam = mapped(outing("office"), refine=True)
+    refined = slam.graph
+    slam.optimise()
+    assert slam.graph is not refined
+    np.testing.assert_array_equal(slam.graph.values(SE2).array, slam.keyframes.T_world_robot)
+
+
 def test_odometry_edges_are_as_certain_as_they_are_right() -> None:
     """Normalised squared errors of an honest edge are 3 on average, early or late in the drive."""
     log = round_trip()

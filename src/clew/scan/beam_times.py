@@ -56,8 +56,9 @@ def _moments(sweep: float, interlace: float, beams: int) -> Array:
 
 
 def sweep_of(beams: int) -> Array:
-    """``(beams,)`` from -1/2 at the first beam to 1/2 at the last."""
-    return np.asarray(np.arange(beams) / max(beams - 1, 1) - 0.5, dtype=np.float64)
+    """``(beams,)`` from -1/2 at the first beam to 1/2 at the last; 0 at the only one."""
+    last = max(beams - 1, 0)
+    return np.asarray((np.arange(beams) - 0.5 * last) / max(last, 1), dtype=np.float64)
 
 
 def interlace_of(beams: int) -> Array:

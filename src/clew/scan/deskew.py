@@ -56,10 +56,11 @@ def deskew(scan: LaserScan, velocity: Array) -> LaserScan:
 def resample(scan: LaserScan) -> tuple[LaserScan, NDArray[np.int64]]:
     """A scan with evenly spaced beams, and the new beam of each old one.
 
-    Of several returns in one direction the nearest is kept; a direction without beam is invalid.
+    Of several returns in one direction the nearest is kept; a direction without beam is invalid. A scan whose beams all
+    point one way comes back as it is.
     """
     n = len(scan.ranges)
-    if scan.bearings is None:
+    if scan.bearings is None or scan.angle_increment == 0.0:
         return scan, np.arange(n)
     steps = (scan.bearings - scan.angle_min) / scan.angle_increment
     turn = 2 * np.pi / abs(scan.angle_increment)

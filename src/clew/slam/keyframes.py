@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -78,6 +78,11 @@ class KeyframeStore:
         """Give a keyframe other returns: some were found not to stay."""
         self._keyframes[index] = replace(self._keyframes[index], points=points)
         self._returns.rows[index] = len(points)
+
+    def replace_clouds(self, members: Index, clouds: Sequence[ScanPoints]) -> None:
+        """Give keyframes other returns: motion within their scans has been taken out otherwise."""
+        for index, points in zip(members.tolist(), clouds, strict=True):
+            self.replace_points(index, points)
 
     def drop(self, indices: Iterable[int]) -> None:
         """Forget the returns of keyframes for good."""

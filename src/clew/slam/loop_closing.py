@@ -91,6 +91,10 @@ class LoopCloser:
         self._places.forget(keyframes)
         self._beliefs.forget(set(keyframes))
 
+    def look_again(self) -> None:
+        """Returns of keyframes have changed."""
+        self._places.renew()
+
     def attempt(self, known: bool = False) -> bool:
         """Look for closures of the newest keyframe; whether keyframes have moved.
 
@@ -153,7 +157,7 @@ class LoopCloser:
 
         Args:
             progress: called with how many have been tried, and the most there can be; with 0 first, if there are any.
-            stop: asked before each whether to leave the others as they are.
+            stop: asked before each, and before each partial closure in a row, whether to leave the others as they are.
         """
         most, tried = ROUNDS * len(self._open), 0
 
@@ -170,13 +174,13 @@ class LoopCloser:
             self._catch_up(may_go_on)
             if stop is not None and stop():
                 break
-            self._match_sequences()
+            self._match_sequences(stop)
             if self._known() == before:
                 break
 
-    def _match_sequences(self) -> None:
+    def _match_sequences(self, stop: Callable[[], bool] | None = None) -> None:
         """Make whole what is partial where several in a row are clear together."""
-        for closure in self._sequences.match(self._beliefs.held):
+        for closure in self._sequences.match(self._beliefs.held, stop):
             replaced = self._beliefs.add(closure)
             self._rejected.add(c for c in replaced if c.target != closure.target)
             self._pending += 1

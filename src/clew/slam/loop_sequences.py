@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -88,23 +88,32 @@ class SequenceMatcher:
         self._options = config.closing
         self._voxel = config.verification.fine_voxel
 
-    def match(self, held: Sequence[Closure]) -> list[Closure]:
-        """Whole closures for those partial ones among `held` whose place along their corridor has become clear."""
+    def match(self, held: Sequence[Closure], stop: Callable[[], bool] | None = None) -> list[Closure]:
+        """Whole closures for those partial ones among `held` whose place along their corridor has become clear.
+
+        Args:
+            held: all that are believed.
+            stop: asked before each match is looked at whether to leave this sequence and the others as they are.
+        """
         found: list[Closure] = []
         for chain in self._chains(sorted(held, key=lambda c: c.source)):
             if len(chain) > 1 and any(link.closure.is_partial for link in chain):
-                found += self._resolve(chain)
+                resolved = self._resolve(chain, stop)
+                if resolved is None:
+                    break
+                found += resolved
         return found
 
-    def _chains(self, held: list[Closure]) -> Iterator[list[_Link]]:
-        """Closures that follow each other along one line."""
+    def _chains(self, held: list[Closure]) -> list[list[_Link]]:
+        """Closures that follow each other along one line; a chain for each of the times that the corridor was driven
+        before."""
         poses, paths = self._graph.poses, self._keyframes.paths
         partial = [c for c in held if c.is_partial]
         if not partial:
-            return
+            return []
         lines = {id(c): self._line(c) for c in partial}
         sources = np.array([paths[c.source] for c in partial])
-        chain: list[_Link] = []
+        chains: list[list[_Link]] = []
         for closure in held:
             nearest = partial[int(np.argmin(np.abs(sources - paths[closure.source])))]
             if abs(paths[nearest.source] - paths[closure.source]) > GAP:
@@ -113,14 +122,14 @@ class SequenceMatcher:
             turn = poses[nearest.target, 2] - poses[closure.target, 2]
             line = se2.act(np.array([0.0, 0.0, turn]), line[None])[0]
             link = self._link(closure, line)
-            if chain and not self._follows(chain[-1], link):
-                yield chain
-                chain = []
-            if chain and self._world(chain[-1]) @ self._world(link) < 0.0:
+            chain = next((chain for chain in reversed(chains) if self._follows(chain[-1], link)), None)
+            if chain is None:
+                chains.append([link])
+                continue
+            if self._world(chain[-1]) @ self._world(link) < 0.0:
                 link = replace(link, line=-link.line)
             chain.append(link)
-        if chain:
-            yield chain
+        return chains
 
     def _line(self, closure: Closure) -> Array:
         """Direction ``(2,)`` in which a partial closure knows nothing, in the target's frame."""
@@ -144,13 +153,18 @@ class SequenceMatcher:
             and abs(self._world(a) @ self._world(b)) > BEND
         )
 
-    def _resolve(self, chain: list[_Link]) -> list[Closure]:
+    def _resolve(self, chain: list[_Link], stop: Callable[[], bool] | None) -> list[Closure] | None:
+        """Closures that have become whole; None where it was stopped."""
         half = min(self._options.sigmas * max(link.deviation for link in chain), FARTHEST)
         count = int(np.ceil(half / STEP))
         if count < 2:
             return []
         offsets: Array = STEP * np.arange(-count, count + 1, dtype=np.float64)
-        evidence = np.stack([self._evidence(link, offsets) for link in chain])
+        evidence = np.zeros((len(chain), len(offsets)))
+        for row, link in zip(evidence, chain, strict=True):
+            if stop is not None and stop():
+                return None
+            row[:] = self._evidence(link, offsets)
         prior = -0.5 * np.square(offsets / chain[0].deviation)
         variances = [self._freedom(a, b) for a, b in itertools.pairwise(chain)]
         found = []

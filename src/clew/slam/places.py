@@ -113,6 +113,10 @@ class Places:
             self._views.pop(keyframe, None)
         self._index.remove([k for k in keyframes if k in self._index])
 
+    def renew(self) -> None:
+        """Returns of keyframes have changed a little: submaps are made anew; what places look like stays."""
+        self._submaps.clear()
+
     def _about(self, anchor: int) -> NDArray[np.int64]:
         half = self._options.submap_keyframes
         return self._keyframes.between(anchor - half, anchor + half + 1)

@@ -198,11 +198,14 @@ class Slam:
     ) -> None:
         """Move all keyframes to where odometry and closures agree best, with those closures that only now are sure.
 
+        What `refine` found before is given up; it begins with this anyway.
+
         Args:
             progress: called with the keyframes for which closures have been looked for again, beginning with 0, and the
                 most there can be; not at all where there are none.
             stop: asked before each of these whether to leave it at that.
         """
+        self._refined = None
         self._closer.finish(progress, stop)
         self._pose_graph.optimise(to_the_end=True)
         self._viewer.moved(self)
@@ -228,8 +231,12 @@ class Slam:
         if progress is not None:
             progress(0, self.config.refinement.rounds)
         numbers = self._keyframes.alive
-        known = None if self._retime(numbers) else self._keyframes.clouds(numbers)
+        retimed = self._retime(numbers)
+        known = None if retimed else self._keyframes.clouds(numbers)
         clouds = self._scans.still_returns(numbers, known, self._pose_graph.poses[numbers], self.config.cleaning)
+        if retimed:
+            self._keyframes.replace_clouds(numbers, clouds)
+            self._closer.look_again()
         self._refined = refine(clouds, numbers, self._pose_graph.graph, self.config, self._sensor, progress, stop)
         self._pose_graph.set_poses(np.asarray(self._refined.values(SE2).array))
         self._viewer.moved(self)
