@@ -2,7 +2,8 @@
 
 from clew.slam.config import ClosingOptions, PruningOptions, RefinementOptions, SlamConfig, TrackingOptions
 from clew.slam.pruning import Pruned
-from clew.slam.slam import Slam, Trajectory
+from clew.slam.slam import Slam
+from clew.slam.trajectory import Trajectory
 from clew.slam.viewer import NullViewer, Viewer
 
 __all__ = [

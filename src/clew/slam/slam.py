@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,26 +24,11 @@ from clew.slam.scans import ScanStore
 from clew.slam.sensor import SensorModel
 from clew.slam.timing import SHARE_OF_A_LOOK, beam_times_of, look_now
 from clew.slam.tracking import Tracker
+from clew.slam.trajectory import Trajectory
 from clew.slam.viewer import GuardedViewer, NullViewer, Viewer
 from clew.solve import Solution, optimize
 
 Array = NDArray[np.float64]
-
-
-@dataclass(frozen=True)
-class Trajectory:
-    """Poses of the robot, one for every scan.
-
-    Attributes:
-        timestamps: ``(N,)`` seconds.
-        T_world_robot: ``(N, 3)``.
-    """
-
-    timestamps: Array
-    T_world_robot: Array
-
-    def __len__(self) -> int:
-        return int(self.timestamps.shape[0])
 
 
 class Slam:
