@@ -67,7 +67,7 @@ def test_common_points_are_found_among_others(seed: int) -> None:
     found = find_agreement(a, b, np.ones((24, 24), dtype=bool), gate=GATE)
     assert found is not None
     same = found.pairs[found.pairs[:, 0] == found.pairs[:, 1]]
-    assert len(same) >= 11  # one may have a stranger standing nearer
+    assert len(same) >= 9  # a few may have a stranger standing nearer
     error = se2.between(pose, found.fit.T_a_b)
     assert abs(error[2]) < 0.01
     assert found.log10_false_alarms < -6
