@@ -100,8 +100,9 @@ def test_counts_against_the_twin(seed: int) -> None:
                        kinds[-1], bool(sides[0] & sides[1]))
     np.testing.assert_array_equal(hits, expected[:, 0])
     # Near the sensor every second, fourth, ... ray does for all; hence a few cells more or less there, and at `sure`.
-    for got, row in ((misses, 1), (changes, 2), (seen_last, 3), (both_ways, 4)):
-        assert np.mean(got != expected[:, row]) < 0.06
+    for got, row in ((misses, 1), (changes, 2), (seen_last, 3)):
+        assert np.mean(got != expected[:, row]) < 0.05
+    assert np.mean(both_ways != expected[:, 4]) < 0.06
     assert expected[:, 1].sum() > 50
     assert expected[:, 2].sum() > 50
     assert 0 < expected[:, 4].sum() < is_return.sum()

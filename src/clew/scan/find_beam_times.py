@@ -248,9 +248,11 @@ def _sweep(
     """
     T, search = se2.between(poses[pairs[:, 0]], poses[pairs[:, 1]]), _Search()
     nothing = replace(found, sweep=0.0, sweep_deviation=float("inf"))
-    without = _bent(scans, velocities, pairs, T, nothing, cleaning)[0]
-    for _ in range(ROUNDS):
-        sums, T = _bent(scans, velocities, pairs, T, found, cleaning)
+    sums, T = _bent(scans, velocities, pairs, T, nothing, cleaning)
+    without = sums
+    for k in range(ROUNDS):
+        if k or found.sweep != 0.0:
+            sums, T = _bent(scans, velocities, pairs, T, found, cleaning)
         if len(sums.curvature) < LEAST_PAIRS:
             return nothing
         sweep = found.sweep + search.step(sums)
