@@ -15,6 +15,13 @@ from clew.geometry.angles import half_cotangent, sinc, versine_ratio, wrap
 Array = NDArray[np.float64]
 
 
+def _stacked(x: Array, y: Array, theta: Array) -> Array:
+    """Poses of their numbers; a single one, of which each scan makes dozens, without the cost of stacking arrays."""
+    if isinstance(theta, np.float64):
+        return np.array((x, y, theta))
+    return np.stack((x, y, theta), axis=-1)
+
+
 def canonical(a: Array) -> Array:
     """The storage that stands for a pose: theta wrapped."""
     return np.stack((a[..., 0], a[..., 1], wrap(a[..., 2])), axis=-1)
@@ -24,16 +31,14 @@ def compose(a: Array, b: Array) -> Array:
     """``a b``: first `b`, then `a`."""
     cos, sin = np.cos(a[..., 2]), np.sin(a[..., 2])
     x, y = b[..., 0], b[..., 1]
-    return np.stack(
-        (a[..., 0] + cos * x - sin * y, a[..., 1] + sin * x + cos * y, wrap(a[..., 2] + b[..., 2])), axis=-1
-    )
+    return _stacked(a[..., 0] + cos * x - sin * y, a[..., 1] + sin * x + cos * y, wrap(a[..., 2] + b[..., 2]))
 
 
 def inverse(a: Array) -> Array:
     """``a^-1``."""
     cos, sin = np.cos(a[..., 2]), np.sin(a[..., 2])
     x, y = a[..., 0], a[..., 1]
-    return np.stack((-cos * x - sin * y, sin * x - cos * y, wrap(-a[..., 2])), axis=-1)
+    return _stacked(-cos * x - sin * y, sin * x - cos * y, wrap(-a[..., 2]))
 
 
 def between(a: Array, b: Array) -> Array:
@@ -41,7 +46,7 @@ def between(a: Array, b: Array) -> Array:
     theta = a[..., 2]
     cos, sin = np.cos(theta), np.sin(theta)
     dx, dy = b[..., 0] - a[..., 0], b[..., 1] - a[..., 1]
-    return np.stack((cos * dx + sin * dy, cos * dy - sin * dx, wrap(b[..., 2] - theta)), axis=-1)
+    return _stacked(cos * dx + sin * dy, cos * dy - sin * dx, wrap(b[..., 2] - theta))
 
 
 def act(a: Array, points: Array) -> Array:
