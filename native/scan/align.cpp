@@ -30,8 +30,8 @@ struct Score {
 };
 
 std::int32_t nearest(const PointIndexView& t, double x, double y, double nx, double ny, double facing, double radius) {
-    const auto clamp_cell = [&](double v, std::int32_t limit) {
-        return static_cast<std::int32_t>(std::clamp(std::floor(v / t.cell), 0.0, limit - 1.0));
+    const auto clamp_cell = [&](double v, std::int32_t limit) {  // truncation is floor where nothing is negative
+        return static_cast<std::int32_t>(std::clamp(v / t.cell, 0.0, limit - 1.0));
     };
     const double lx = x - t.origin_x, ly = y - t.origin_y;
     if (lx < -radius || ly < -radius || lx > t.width * t.cell + radius || ly > t.height * t.cell + radius) return -1;

@@ -1,62 +1,18 @@
 #include <algorithm>
 #include <cmath>
-#include <stdexcept>
 #include <thread>
 #include <vector>
 
 #include "align.hpp"
 #include "correlate.hpp"
+#include "door.hpp"
 #include "index.hpp"
-#include "module.hpp"
-#include "surface.hpp"
 
 namespace clew {
 
 namespace {
 
 using namespace scan;
-
-template <typename T>
-using Vector = nb::ndarray<const T, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
-using Rows2 = nb::ndarray<const double, nb::shape<-1, 2>, nb::c_contig, nb::device::cpu>;
-using Rows3 = nb::ndarray<const double, nb::shape<-1, 3>, nb::c_contig, nb::device::cpu>;
-template <typename T>
-using Out = nb::ndarray<nb::numpy, T>;
-
-constexpr std::int32_t most_cells = 1 << 30;
-
-void require(bool condition, const char* message) {
-    if (!condition) throw std::invalid_argument(message);
-}
-
-// A kernel turns coordinates into indices of cells, which what is not finite has none of.
-template <typename A>
-void require_finite(const A& array, const char* message) {
-    require(std::all_of(array.data(), array.data() + array.size(), [](double v) { return std::isfinite(v); }), message);
-}
-
-template <typename T>
-Out<T> own(std::vector<T>&& data, std::initializer_list<std::size_t> shape) {
-    auto* held = new std::vector<T>(std::move(data));
-    nb::capsule owner(held, [](void* p) noexcept { delete static_cast<std::vector<T>*>(p); });
-    return Out<T>(held->data(), shape, owner);
-}
-
-nb::tuple surface_normals_(const Rows2& points, const Vector<std::int32_t>& beams, std::int32_t window, double radius,
-                           double gap_base, double gap_per_metre) {
-    const std::size_t n = points.shape(0);
-    require(beams.shape(0) == n, "surface_normals: points and beams differ in length");
-    require_finite(points, "surface_normals: points must be finite");
-    require(window >= 1 && radius > 0, "surface_normals: window and radius must be positive");
-    std::vector<double> normals(2 * n), along(n);
-    std::vector<std::int32_t> support(n);
-    {
-        nb::gil_scoped_release release;
-        surface_normals(points.data(), beams.data(), n, {window, radius, gap_base, gap_per_metre}, normals.data(),
-                        along.data(), support.data());
-    }
-    return nb::make_tuple(own(std::move(normals), {n, 2}), own(std::move(along), {n}), own(std::move(support), {n}));
-}
 
 nb::tuple sort_into_buckets_(const Rows2& points, double origin_x, double origin_y, double cell, std::int32_t width,
                              std::int32_t height) {
@@ -70,20 +26,6 @@ nb::tuple sort_into_buckets_(const Rows2& points, double origin_x, double origin
         sort_into_buckets(points.data(), n, origin_x, origin_y, cell, width, height, starts.data(), order.data());
     }
     return nb::make_tuple(own(std::move(starts), {cells + 1}), own(std::move(order), {n}));
-}
-
-nb::tuple group_surfels_(const Rows2& points, const Rows2& normals, double voxel) {
-    const std::size_t n = points.shape(0);
-    require(normals.shape(0) == n, "group_surfels: points and normals differ in length");
-    require_finite(points, "group_surfels: points must be finite");
-    require(voxel > 0, "group_surfels: voxel must be positive");
-    std::vector<std::int32_t> group(n);
-    std::size_t count = 0;
-    {
-        nb::gil_scoped_release release;
-        count = group_surfels(points.data(), normals.data(), n, voxel, group.data());
-    }
-    return nb::make_tuple(own(std::move(group), {n}), count);
 }
 
 Out<std::uint8_t> build_pyramid_(const Rows2& points, double sigma, std::int32_t levels, std::int32_t height,
@@ -100,11 +42,6 @@ Out<std::uint8_t> build_pyramid_(const Rows2& points, double sigma, std::int32_t
                       {nullptr, levels, height, width, origin_x, origin_y, resolution}, cells.data());
     }
     return own(std::move(cells), {l, h, w});
-}
-
-Pose pose_of(const Vector<double>& v, const char* message) {
-    require(v.shape(0) == 3, message);
-    return {v.data()[0], v.data()[1], v.data()[2]};
 }
 
 // Vectors of three hold (x, y, theta). Returns (found, pose, score, likelihood, evaluated).
@@ -243,9 +180,8 @@ nb::tuple align_(const Rows2& target_points, const Rows2& target_normals, const 
 }  // namespace
 
 void bind_scan(nb::module_ m) {
-    m.def("surface_normals", &surface_normals_);
+    bind_clouds(m);
     m.def("sort_into_buckets", &sort_into_buckets_);
-    m.def("group_surfels", &group_surfels_);
     m.def("build_pyramid", &build_pyramid_);
     m.def("correlate", &correlate_);
     m.def("align", &align_);

@@ -55,7 +55,7 @@ private:
     }
 
     // A point far outside stays outside at any offset of the window, and its cell a number that can be held.
-    static std::int32_t cell_of(double v) { return static_cast<std::int32_t>(std::clamp(std::floor(v), -1e9, 1e9)); }
+    static std::int32_t cell_of(double v) { return floor_to<std::int32_t>(std::clamp(v, -1e9, 1e9)); }
 
     static double interval_distance(std::int32_t low, std::int32_t size) {
         if (low > 0) return low;

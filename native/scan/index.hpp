@@ -11,9 +11,12 @@ namespace clew::scan {
 void sort_into_buckets(const double* points, std::size_t n, double origin_x, double origin_y, double cell,
                        std::int32_t width, std::int32_t height, std::int32_t* starts, std::int32_t* order);
 
-// Points that share a square of side `voxel` and look the same way become one: mean position, mean normal.
-// `group` (n,) receives the index of each point's surfel in order of first appearance; returns the number of surfels.
-std::size_t group_surfels(const double* points, const double* normals, std::size_t n, double voxel,
-                          std::int32_t* group);
+// Points that share a square of side `voxel` and look the same way become one, in order of first appearance: weighted
+// means of places (m, 2) and of `along` (m,), and unit normals (m, 2) in the mean direction.
+struct Surfels {
+    std::vector<double> points, normals, along;
+};
+Surfels merge_surfels(const double* points, const double* normals, const double* along, const double* weights,
+                      std::size_t n, double voxel);
 
 }  // namespace clew::scan

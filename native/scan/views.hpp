@@ -22,6 +22,13 @@ struct PointIndexView {
     std::int32_t width, height;
 };
 
+// The largest whole number not above `v`, which must fit; std::floor is a call where the baseline has no instruction.
+template <typename Integer>
+inline Integer floor_to(double v) {
+    const auto cut = static_cast<Integer>(v);
+    return cut - static_cast<Integer>(v < static_cast<double>(cut));
+}
+
 inline double wrap(double angle) { return std::remainder(angle, 6.283185307179586476925286766559); }
 
 }  // namespace clew::scan

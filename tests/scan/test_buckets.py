@@ -8,6 +8,7 @@ import pytest
 from clew import _native
 from clew.scan import concatenate, index_cloud, join, merge_surfels
 from scan.clouds import EMPTY, random_cloud
+from scan.twins import merged
 
 
 @pytest.mark.parametrize("count", [0, 1, 200])
@@ -43,29 +44,14 @@ def test_joined_indices_are_those_of_the_parts() -> None:
         np.testing.assert_array_equal(starts, part.starts)
 
 
+@pytest.mark.parametrize("extent", [3.0, 4000.0])
 @pytest.mark.parametrize("seed", range(3))
-def test_surfels_group_by_square_and_facing(seed: int) -> None:
-    cloud = random_cloud(np.random.default_rng(seed), 400)
-    group, count = _native.scan.group_surfels(cloud.points, cloud.normals, 0.5)
-    names: dict[tuple[int, ...], int] = {}
-    expected = [names.setdefault((*(int(c) for c in np.floor(p / 0.5)), *(int(v > 0) for v in n)), len(names))
-                for p, n in zip(cloud.points, cloud.normals, strict=True)]
-    np.testing.assert_array_equal(group, expected)
-    assert count == len(names)
-
-
-def test_merged_surfels_are_weighted_means() -> None:
-    cloud = random_cloud(np.random.default_rng(7), 300)
-    merged = merge_surfels(cloud, 0.5)
-    group, count = _native.scan.group_surfels(cloud.points, cloud.normals, 0.5)
-    assert len(merged) == count < 300
-    for g in range(count):
-        w = cloud.weights[group == g]
-        np.testing.assert_allclose(merged.points[g], w @ cloud.points[group == g] / w.sum())
-        np.testing.assert_allclose(merged.along[g], w @ cloud.along[group == g] / w.sum())
-        normal = w @ cloud.normals[group == g]
-        np.testing.assert_allclose(merged.normals[g], normal / np.linalg.norm(normal))
-    np.testing.assert_array_equal(merged.weights, 1.0)
+def test_merged_surfels_agree_with_the_twin(seed: int, extent: float) -> None:
+    cloud = random_cloud(np.random.default_rng(seed), 400, extent)
+    surfels, expected = merge_surfels(cloud, extent / 6.0), merged(cloud, extent / 6.0)
+    assert 100 < len(expected) < 400
+    for got, wanted in zip(vars(surfels).values(), vars(expected).values(), strict=True):
+        np.testing.assert_allclose(got, wanted, atol=1e-9)
 
 
 def test_merging_is_idempotent_and_takes_any_cloud() -> None:

@@ -7,6 +7,7 @@ import pytest
 
 from clew.geometry import se2
 from clew.scan import LaserScan, collinearity_residuals, deskew, extract_points, resample, robust_deviation
+from scan.twins import deskewed
 
 BEAMS, INCREMENT, SECONDS = 360, np.radians(1.0), 0.1 / 360
 WALLS = ((1.0, 0.0, 4.0), (-1.0, 0.0, 3.0), (0.0, 1.0, 2.0), (0.0, -1.0, 5.0))  # outward normal and distance
@@ -42,6 +43,19 @@ def test_returns_lie_on_their_walls_once_the_motion_is_out(velocity: list[float]
     assert to_walls(still).max() < 1e-9
     assert still.timestamp == scan.timestamp
     assert len(extract_points(still)) > 300
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_deskewing_agrees_with_the_twin(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    moments = rng.uniform(-0.05, 0.05, BEAMS)  # of beams that do not follow each other
+    scan = LaserScan(7.0, rng.uniform(0.5, 20.0, BEAMS), -3.0, INCREMENT, 0.1, 30.0, rng.uniform(-1, 1, 3),
+                     moments=moments)
+    velocity = rng.uniform(-2, 2, 3)
+    still = deskew(scan, velocity)
+    ranges, bearings = deskewed(scan, velocity)
+    np.testing.assert_allclose(still.ranges, ranges)
+    np.testing.assert_allclose(still.angles, bearings)
 
 
 def test_without_sweep_or_motion_nothing_changes() -> None:

@@ -12,6 +12,7 @@ from clew.scan import index_cloud
 from scan.clouds import random_cloud
 
 POINTS = np.random.default_rng(0).uniform(-1, 1, (20, 2))
+ONES = np.ones(20)
 BEAMS = np.arange(20, dtype=np.int32)
 NAN = np.where(np.arange(40).reshape(20, 2) == 7, np.nan, POINTS)
 VAST = np.where(np.arange(40).reshape(20, 2) == 7, np.inf, POINTS)
@@ -25,24 +26,42 @@ def refused(function: str, *arguments: Any) -> None:
 
 @pytest.mark.parametrize("points", [NAN, VAST, POINTS[:, :1], POINTS.ravel(), POINTS[None]])
 def test_points_must_be_rows_of_two_finite_numbers(points: np.ndarray) -> None:
-    refused("surface_normals", points, BEAMS, 8, 0.2, 0.1, 0.1)
     refused("sort_into_buckets", points, -1.0, -1.0, 0.1, 20, 20)
-    refused("group_surfels", points, POINTS, 0.1)
+    refused("merge_surfels", points, POINTS, ONES, ONES, 0.1)
+    refused("between_returns", points, POINTS, ONES, ONES, 0.1, 0.1, 0.1, 0.1, 0.1)
     refused("build_pyramid", points, 0.1, 3, 30, 30, -1.5, -1.5, 0.1)
     refused("correlate", *correlation(points=points))
 
 
-def test_surface_normals_refuses() -> None:
-    refused("surface_normals", POINTS, BEAMS[:-1], 8, 0.2, 0.1, 0.1)
-    refused("surface_normals", POINTS, BEAMS, 0, 0.2, 0.1, 0.1)
-    refused("surface_normals", POINTS, BEAMS, 8, 0.0, 0.1, 0.1)
+@pytest.mark.parametrize("changed", [
+    {"angles": ONES[:-1]}, {"angles": np.full(20, np.nan)}, {"at": np.zeros(2)}, {"farthest": np.inf},
+    {"farthest": np.nan}, {"window": 0}, {"radius": 0.0},
+], ids=lambda changed: next(iter(changed)))
+def test_extract_returns_refuses(changed: dict[str, Any]) -> None:
+    arguments = {"ranges": ONES, "angles": 0.01 * BEAMS, "at": np.zeros(3), "nearest": 0.0, "farthest": 5.0,
+                 "window": 8, "radius": 0.2, "gap_base": 0.1, "gap_per_metre": 0.1, "blob": 0.4,
+                 "weight_per_metre": 1.0}
+    _native.scan.extract_returns(*arguments.values())
+    refused("extract_returns", *{**arguments, **changed}.values())
+
+
+def test_clouds_and_beams_must_fit_each_other() -> None:
+    for part in range(4):
+        cloud = [array[:-1] if k == part else array for k, array in enumerate([POINTS, POINTS, ONES, ONES])]
+        refused("merge_surfels", *cloud, 0.1)
+        refused("between_returns", *cloud, 0.1, 0.1, 0.1, 0.1, 0.1)
+    refused("merge_surfels", POINTS, POINTS, ONES, 0.0 * ONES, 0.1)
+    refused("between_returns", POINTS, POINTS, ONES, ONES, 0.0, 0.1, 0.1, 0.1, 0.1)
+    refused("deskew", ONES, ONES[:-1], ONES, np.zeros(3), np.zeros(3))
+    refused("deskew", ONES, ONES, ONES[:-1], np.zeros(3), np.zeros(3))
+    refused("deskew", ONES, ONES, ONES, np.zeros(2), np.zeros(3))
+    refused("deskew", ONES, ONES, ONES, np.zeros(3), np.zeros(2))
 
 
 def test_grids_must_have_cells() -> None:
     for cell, width, height in ((0.0, 5, 5), (0.1, 0, 5), (0.1, 5, -1), (np.nan, 5, 5), (0.1, 2**30, 2**30)):
         refused("sort_into_buckets", POINTS, 0.0, 0.0, cell, width, height)
-    refused("group_surfels", POINTS, POINTS[:-1], 0.1)
-    refused("group_surfels", POINTS, POINTS, 0.0)
+    refused("merge_surfels", POINTS, POINTS, ONES, ONES, 0.0)
     for sigma, levels, height, width, resolution in ((0.1, 0, 9, 9, 0.1), (0.1, 13, 9, 9, 0.1), (0.1, 2, 0, 9, 0.1),
                                                      (0.0, 2, 9, 9, 0.1), (0.1, 2, 9, 9, 0.0)):
         refused("build_pyramid", POINTS, sigma, levels, height, width, 0.0, 0.0, resolution)

@@ -9,43 +9,63 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from clew import _native
 from clew.geometry import se2
-from clew.scan import CleaningOptions, LaserScan, concatenate, extract_points, fill_surfaces
+from clew.scan import CleaningOptions, LaserScan, concatenate, extract_points, fill_surfaces, gathered
+from clew.scan.points import FILLING_WEIGHT, FLAT, extract_returns
 from scan.clouds import CORRIDOR, ROOM, T_ROBOT_SENSOR, random_cloud, scan_of
-from scan.twins import surface_normals
-
-OPTIONS = (64, 0.25, 0.06, 0.06)
+from scan.twins import between_returns, extracted
 
 
 @pytest.mark.parametrize("seed", range(6))
-def test_normals_agree_with_the_twin(seed: int) -> None:
+def test_returns_agree_with_the_twin(seed: int) -> None:
     rng = np.random.default_rng(seed)
     scan = scan_of(ROOM, np.array([*rng.uniform(-1, 1, 2), rng.uniform(-3, 3)]), sigma=0.02, seed=seed)
-    beams = np.sort(rng.choice(361, 300, replace=False)).astype(np.int32)  # gaps of one, two and more beams
-    angles = scan.angles[beams]
-    points = scan.ranges[beams, None] * np.stack([np.cos(angles), np.sin(angles)], axis=1)
-    for options in (OPTIONS, (3, 0.25, 0.06, 0.06), (64, 1.5, 0.5, 0.1)):
-        normals, ratios, support = _native.scan.surface_normals(points, beams, *options)
-        expected = surface_normals(points, beams, *options)
-        np.testing.assert_array_equal(support, expected[2])
-        made = support > 0
-        assert made.sum() > 100
-        np.testing.assert_allclose(ratios[made], expected[1][made], atol=1e-5)
-        clear = made & (expected[1] < 0.9)  # a round neighbourhood has no direction of its own
-        np.testing.assert_allclose(normals[clear], expected[0][clear], atol=1e-5)
-        np.testing.assert_allclose(np.linalg.norm(normals[made], axis=1), 1.0)
-        assert np.all(np.sum(normals * points, axis=1) <= 1e-12)
+    ranges = scan.ranges.copy()
+    ranges[rng.choice(361, 60, replace=False)] = np.nan  # gaps of one, two and more beams
+    ranges[[3, 50, 51]] = np.inf, 0.01, 99.0  # nothing there, too near, too far
+    scan = replace(scan, ranges=ranges, T_robot_sensor=np.array([0.3, -0.1, rng.uniform(-3, 3)]))
+    for options in (CleaningOptions(), CleaningOptions(radius=1.5, gap_base=0.5, gap_per_metre=0.1, blob=0.1)):
+        cloud, beams = extract_returns(scan, options)
+        expected, expected_beams = extracted(scan, options)
+        np.testing.assert_array_equal(beams, expected_beams)
+        assert len(cloud) > 100
+        np.testing.assert_allclose(cloud.points, expected.points, atol=1e-12)
+        np.testing.assert_allclose(cloud.along, expected.along, atol=1e-5)
+        np.testing.assert_allclose(cloud.weights, expected.weights)
+        clear = expected.along < 0.9  # a round neighbourhood has no direction of its own
+        np.testing.assert_allclose(cloud.normals[clear], expected.normals[clear], atol=1e-5)
+        np.testing.assert_allclose(np.linalg.norm(cloud.normals, axis=1), 1.0)
 
 
 @pytest.mark.parametrize("count", [0, 1, 2])
 def test_normals_of_hardly_any_points(count: int) -> None:
-    points = np.array([[2.0, 0.0], [2.0, 0.05]])[:count]
-    normals, ratios, support = _native.scan.surface_normals(points, np.arange(count, dtype=np.int32), *OPTIONS)
-    assert (normals.shape, ratios.shape) == ((count, 2), (count,))
-    np.testing.assert_array_equal(support, [max(count - 1, 0)] * count)
+    scan = LaserScan(0.0, np.full(count, 2.0), 0.0, 0.02, 0.1, 30.0)
+    cloud = extract_points(scan)
+    assert len(cloud) == (2 if count == 2 else 0)  # a lone one is isolated
     if count == 2:
-        np.testing.assert_allclose(normals, [[-1.0, 0.0]] * 2, atol=1e-6)
+        np.testing.assert_allclose(cloud.normals, [[-1.0, -0.01]] * 2, atol=1e-4)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_points_between_returns_agree_with_the_twin(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    pose = np.array([*rng.uniform(-1, 1, 2), rng.uniform(-3, 3)])
+    cloud = extract_points(scan_of(ROOM, pose, sigma=0.003, seed=seed))
+    options = CleaningOptions(filling=0.013, gap_base=0.03, gap_per_metre=0.01)  # so that walls end, too
+    filled, expected = fill_surfaces(cloud, options), between_returns(cloud, options, FLAT, FILLING_WEIGHT)
+    assert 30 < len(expected) < len(fill_surfaces(cloud, CleaningOptions(filling=0.013))) - len(cloud)
+    for got, own, put_in in zip(vars(filled).values(), vars(cloud).values(), vars(expected).values(), strict=True):
+        np.testing.assert_array_equal(got[: len(cloud)], own)
+        np.testing.assert_allclose(got[len(cloud) :], put_in, atol=1e-12)
+
+
+def test_gathered_clouds_are_those_at_their_poses() -> None:
+    rng = np.random.default_rng(3)
+    clouds = [random_cloud(rng, count) for count in (5, 0, 8)]
+    poses = rng.uniform(-3, 3, (3, 3))
+    expected = concatenate([cloud.transformed(pose) for cloud, pose in zip(clouds, poses, strict=True)])
+    for got, wanted in zip(vars(gathered(clouds, poses)).values(), vars(expected).values(), strict=True):
+        np.testing.assert_allclose(got, wanted, atol=1e-12)
 
 
 def test_returns_lie_on_the_walls_with_the_walls_normals() -> None:

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from clew.geometry import se2
-from clew.scan import ScanPoints
+from clew.scan import CleaningOptions, LaserScan, ScanPoints
 
 Array = NDArray[np.float64]
 
@@ -55,6 +55,59 @@ def surface_normals(points: Array, beams: Array, window: int, radius: float, bas
         normals[i] = best[0] if best[0] @ point <= 0 else -best[0]
         ratios[i] = best[2] / best[1] if best[1] > 0 else 1.0
     return normals, ratios, support
+
+
+def extracted(scan: LaserScan, options: CleaningOptions) -> tuple[ScanPoints, NDArray[np.int64]]:
+    """Returns of a scan with normals in the robot's frame, and their beams."""
+    limit = min(scan.range_max, options.range_limit)
+    beams = np.flatnonzero((scan.ranges >= scan.range_min) & (scan.ranges <= limit))
+    r, angles = scan.ranges[beams], scan.angles[beams]
+    points = r[:, None] * np.stack([np.cos(angles), np.sin(angles)], axis=1)
+    normals, ratios, support = surface_normals(points, beams, 64, options.radius, options.gap_base,
+                                               options.gap_per_metre)
+    keep = support > 0
+    weights = np.clip(r * abs(scan.angle_increment) / options.spacing, 0.1, 1.0)
+    along = np.where(ratios > options.blob, ratios, 0.0)
+    cloud = ScanPoints(points[keep], normals[keep], along[keep], weights[keep])
+    return cloud.transformed(scan.T_robot_sensor), beams[keep]
+
+
+def between_returns(cloud: ScanPoints, options: CleaningOptions, flat: float, share_of_weight: float) -> ScanPoints:
+    """Points between neighbouring returns on one straight wall."""
+    rows: list[tuple[Array, Array, float]] = []
+    for i in range(len(cloud) - 1):
+        a, b = cloud.points[i], cloud.points[i + 1]
+        n, m = cloud.normals[i], cloud.normals[i + 1]
+        length = float(np.linalg.norm(b - a))
+        if not options.filling < length <= options.gap_base + options.gap_per_metre * np.linalg.norm(a):
+            continue
+        if max(abs((b - a) @ n), abs((b - a) @ m)) > flat * length or n @ m <= 0:
+            continue
+        for share in np.linspace(0.0, 1.0, int(np.ceil(length / options.filling)) + 1)[1:-1]:
+            normal = (1 - share) * n + share * m
+            rows.append((a + share * (b - a), normal / np.linalg.norm(normal), share_of_weight * cloud.weights[i]))
+    points, normals, weights = (np.array([row[k] for row in rows]) for k in range(3))
+    return ScanPoints(points.reshape(-1, 2), normals.reshape(-1, 2), np.zeros(len(rows)), weights)
+
+
+def merged(cloud: ScanPoints, voxel: float) -> ScanPoints:
+    """Weighted means of the points that share a square and a quadrant of the normal, in order of first appearance."""
+    groups: dict[tuple[int, ...], list[int]] = {}
+    for i, (point, normal) in enumerate(zip(cloud.points, cloud.normals, strict=True)):
+        key = (*(int(c) for c in np.floor(point / voxel)), *(int(v > 0) for v in normal))
+        groups.setdefault(key, []).append(i)
+    means = [[np.average(values[rows], axis=0, weights=cloud.weights[rows])
+              for values in (cloud.points, cloud.normals, cloud.along)] for rows in groups.values()]
+    points, normals, along = (np.array([row[k] for row in means]) for k in range(3))
+    return ScanPoints(points, normals / np.linalg.norm(normals, axis=1, keepdims=True), along, np.ones(len(groups)))
+
+
+def deskewed(scan: LaserScan, velocity: Array) -> tuple[Array, Array]:
+    """Ranges and directions seen from where the sensor was at the timestamp, through the poses at each beam."""
+    sensor = se2.compose(se2.exp(scan.delays[:, None] * velocity), scan.T_robot_sensor)
+    ends = scan.ranges[:, None] * np.stack([np.cos(scan.angles), np.sin(scan.angles)], axis=1)
+    x, y = se2.act(se2.inverse(scan.T_robot_sensor), se2.act(sensor, ends)).T
+    return np.hypot(x, y), np.arctan2(y, x)
 
 
 def pyramid(points: Array, sigma: float, levels: int, shape: tuple[int, int], origin: Array,

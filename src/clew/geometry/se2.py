@@ -24,7 +24,7 @@ def _stacked(x: Array, y: Array, theta: Array) -> Array:
 
 def canonical(a: Array) -> Array:
     """The storage that stands for a pose: theta wrapped."""
-    return np.stack((a[..., 0], a[..., 1], wrap(a[..., 2])), axis=-1)
+    return _stacked(a[..., 0], a[..., 1], wrap(a[..., 2]))
 
 
 def compose(a: Array, b: Array) -> Array:
@@ -61,42 +61,38 @@ def exp(tangent: Array) -> Array:
     x, y, theta = tangent[..., 0], tangent[..., 1], tangent[..., 2]
     squared = theta * theta
     along, across = sinc(squared), theta * versine_ratio(squared)
-    return np.stack((along * x - across * y, across * x + along * y, wrap(theta)), axis=-1)
+    return _stacked(along * x - across * y, across * x + along * y, wrap(theta))
 
 
 def log(a: Array) -> Array:
     """Inverse of `exp` for angles in ``(-pi, pi]``."""
     x, y, theta = a[..., 0], a[..., 1], wrap(a[..., 2])
     along, across = half_cotangent(theta * theta), 0.5 * theta
-    return np.stack((along * x + across * y, along * y - across * x, theta), axis=-1)
+    return _stacked(along * x + across * y, along * y - across * x, theta)
 
 
 def adjoint(a: Array) -> Array:
     """``(..., 3, 3)`` with ``a exp(v) a^-1 = exp(adjoint(a) v)``."""
-    cos, sin = np.cos(a[..., 2]), np.sin(a[..., 2])
-    zero, one = np.zeros_like(cos), np.ones_like(cos)
-    return np.stack(
-        (
-            np.stack((cos, -sin, a[..., 1]), axis=-1),
-            np.stack((sin, cos, -a[..., 0]), axis=-1),
-            np.stack((zero, zero, one), axis=-1),
-        ),
-        axis=-2,
-    )
+    out = _turned(a)
+    out[..., 0, 2], out[..., 1, 2] = a[..., 1], -a[..., 0]
+    return out
 
 
 def matrix(a: Array) -> Array:
     """``(..., 3, 3)`` homogeneous matrix."""
+    out = _turned(a)
+    out[..., :2, 2] = a[..., :2]
+    return out
+
+
+def _turned(a: Array) -> Array:
+    """``(..., 3, 3)`` with the rotation of `a` in the upper left, laid out entry by entry: stacking costs more."""
     cos, sin = np.cos(a[..., 2]), np.sin(a[..., 2])
-    zero, one = np.zeros_like(cos), np.ones_like(cos)
-    return np.stack(
-        (
-            np.stack((cos, -sin, a[..., 0]), axis=-1),
-            np.stack((sin, cos, a[..., 1]), axis=-1),
-            np.stack((zero, zero, one), axis=-1),
-        ),
-        axis=-2,
-    )
+    out = np.zeros((*a.shape[:-1], 3, 3))
+    out[..., 0, 0] = out[..., 1, 1] = cos
+    out[..., 0, 1], out[..., 1, 0] = -sin, sin
+    out[..., 2, 2] = 1.0
+    return out
 
 
 def retract(a: Array, delta: Array) -> Array:

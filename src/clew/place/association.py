@@ -10,7 +10,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import linear_sum_assignment
 from scipy.special import chdtri
 
 Array = NDArray[np.float64]
@@ -94,6 +93,8 @@ def nearest_neighbour(
     by chance; where the robot knows its place too badly for that, the sighting is `NEW`, and `join_landmarks` is to
     find out what it is. For the arguments see `compatibility`; `density` is that of landmarks, a square metre.
     """
+    from scipy.optimize import linear_sum_assignment  # slow to import, and laser jobs have no landmarks
+
     out = np.full(len(z), NEW)
     if len(z) == 0 or len(predicted) == 0:
         return out

@@ -17,8 +17,8 @@ from clew.scan import (
     LikelihoodPyramid,
     ScanPoints,
     build_pyramid,
-    concatenate,
     fill_surfaces,
+    gathered,
     index_cloud,
     merge_surfels,
 )
@@ -101,9 +101,7 @@ class Submap:
 
 def surfels_of(clouds: Sequence[ScanPoints], T_anchor_keyframe: Array, voxel: float = VOXEL) -> ScanPoints:
     """Surfels of clouds at their poses ``(M, 3)`` in a common frame."""
-    return merge_surfels(
-        concatenate([cloud.transformed(T) for cloud, T in zip(clouds, T_anchor_keyframe, strict=True)]), voxel
-    )
+    return merge_surfels(gathered(clouds, T_anchor_keyframe), voxel)
 
 
 def build_submap(

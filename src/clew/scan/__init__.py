@@ -20,7 +20,7 @@ from clew.scan.find_beam_times import find_beam_times
 from clew.scan.index import IndexedClouds, SourceClouds, index_cloud, join, merge_surfels
 from clew.scan.laser import LaserScan
 from clew.scan.noise import collinearity_residuals, robust_deviation
-from clew.scan.points import CleaningOptions, ScanPoints, concatenate, extract_points, fill_surfaces
+from clew.scan.points import CleaningOptions, ScanPoints, concatenate, extract_points, fill_surfaces, gathered
 from clew.scan.tags import FAMILIES, Camera, Tags, find_tags
 
 __all__ = [
@@ -59,6 +59,7 @@ __all__ = [
     "find_lines",
     "find_reflectors",
     "find_tags",
+    "gathered",
     "index_cloud",
     "join",
     "merge_surfels",

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from clew import _native
 from clew.scan.laser import LaserScan
 
 Array = NDArray[np.float64]
@@ -25,32 +26,11 @@ def deskew(scan: LaserScan, velocity: Array) -> LaserScan:
     """
     if not scan.is_sweep or not np.any(velocity):
         return scan
-    seconds = scan.delays
-    at = np.asarray(scan.T_robot_sensor, dtype=np.float64)
-    turn = seconds * velocity[2]
-    # Motion of the robot until each beam: exp of the twist, whose chord points half of the turn aside.
-    half = 0.5 * turn
-    chord = seconds * np.sinc(half / np.pi)
-    c, s = np.cos(half), np.sin(half)
-    moved_x = chord * (c * velocity[0] - s * velocity[1]) - at[0]
-    moved_y = chord * (s * velocity[0] + c * velocity[1]) - at[1]
-    # Returns in the robot's frame, turned and moved with it, seen from the sensor at the timestamp.
-    met = np.isfinite(scan.ranges)
-    r = np.where(met, scan.ranges, 0.0)
-    directions = scan.angles + turn
-    c, s = np.cos(directions + at[2]), np.sin(directions + at[2])
-    cos, sin = np.cos(turn), np.sin(turn)
-    x = r * c + cos * at[0] - sin * at[1] + moved_x
-    y = r * s + sin * at[0] + cos * at[1] + moved_y
-    c, s = np.cos(at[2]), np.sin(at[2])
-    x, y = c * x + s * y, c * y - s * x
-    return replace(
-        scan,
-        ranges=np.where(met, np.hypot(x, y), scan.ranges),
-        bearings=np.where(met, np.arctan2(y, x), directions),
-        time_increment=0.0,
-        moments=None,
-    )
+    ranges, bearings = _native.scan.deskew(
+        np.ascontiguousarray(scan.ranges, dtype=np.float64), scan.angles, scan.delays,
+        np.ascontiguousarray(velocity, dtype=np.float64), np.ascontiguousarray(scan.T_robot_sensor, dtype=np.float64),
+    )  # fmt: skip
+    return replace(scan, ranges=ranges, bearings=bearings, time_increment=0.0, moments=None)
 
 
 def resample(scan: LaserScan) -> tuple[LaserScan, NDArray[np.int64]]:

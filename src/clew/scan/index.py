@@ -106,14 +106,5 @@ def merge_surfels(cloud: ScanPoints, voxel: float) -> ScanPoints:
 
     Averaging takes the noise of single returns out of the surface; `weights` are kept at one.
     """
-    group, count = _native.scan.group_surfels(cloud.points, cloud.normals, voxel)
-    w = cloud.weights
-    total = np.bincount(group, w, count)
-
-    def mean(values: Array) -> Array:
-        return np.bincount(group, w * values, count) / total
-
-    points = np.stack([mean(cloud.points[:, 0]), mean(cloud.points[:, 1])], axis=1)
-    normals = np.stack([mean(cloud.normals[:, 0]), mean(cloud.normals[:, 1])], axis=1)
-    normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-12)
-    return ScanPoints(points, normals, mean(cloud.along), np.ones(count))
+    points, normals, along = _native.scan.merge_surfels(cloud.points, cloud.normals, cloud.along, cloud.weights, voxel)
+    return ScanPoints(points, normals, along, np.ones(len(along)))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -74,7 +75,7 @@ class ScanPoints:
         return ScanPoints(self.points @ rotation_t + pose[:2], self.normals @ rotation_t, self.along, self.weights)
 
 
-def concatenate(clouds: list[ScanPoints]) -> ScanPoints:
+def concatenate(clouds: Sequence[ScanPoints]) -> ScanPoints:
     """One cloud of several in the same frame."""
     return ScanPoints(
         np.concatenate([c.points for c in clouds]),
@@ -82,6 +83,19 @@ def concatenate(clouds: list[ScanPoints]) -> ScanPoints:
         np.concatenate([c.along for c in clouds]),
         np.concatenate([c.weights for c in clouds]),
     )
+
+
+def gathered(clouds: Sequence[ScanPoints], poses: Array) -> ScanPoints:
+    """One cloud of several, each at its pose ``(M, 3)`` in a common frame."""
+    cloud = concatenate(clouds)
+    lengths = [len(c) for c in clouds]
+    cos, sin = np.repeat(np.cos(poses[:, 2]), lengths), np.repeat(np.sin(poses[:, 2]), lengths)
+    points, normals = np.empty_like(cloud.points), np.empty_like(cloud.normals)
+    for given, turned in ((cloud.points, points), (cloud.normals, normals)):
+        turned[:, 0] = cos * given[:, 0] - sin * given[:, 1]
+        turned[:, 1] = sin * given[:, 0] + cos * given[:, 1]
+    points += np.repeat(poses[:, :2], lengths, axis=0)
+    return ScanPoints(points, normals, cloud.along, cloud.weights)
 
 
 def extract_points(scan: LaserScan, options: CleaningOptions | None = None) -> ScanPoints:
@@ -96,21 +110,13 @@ def extract_returns(
     scan: LaserScan, options: CleaningOptions | None = None
 ) -> tuple[ScanPoints, NDArray[np.int32]]:
     """`extract_points`, with the beam ``(n,)`` of each."""
-    options = options or CleaningOptions()
-    ranges = scan.ranges
-    limit = min(scan.range_max, options.range_limit)
-    beams = np.flatnonzero((ranges >= scan.range_min) & (ranges <= limit)).astype(np.int32)
-    r = ranges[beams]
-    angles = scan.angles[beams]
-    points = np.stack([r * np.cos(angles), r * np.sin(angles)], axis=1)
-    normals, ratio, support = _native.scan.surface_normals(
-        points, beams, MOST_NEIGHBOURS, options.radius, options.gap_base, options.gap_per_metre
-    )
-    keep = support > 0
-    points, normals, ratio, r, beams = points[keep], normals[keep], ratio[keep], r[keep], beams[keep]
-    along = np.where(ratio > options.blob, ratio, 0.0)
-    weights = np.clip(r * abs(scan.angle_increment) / options.spacing, 0.1, 1.0)
-    return ScanPoints(points, normals, along, weights).transformed(scan.T_robot_sensor), beams
+    o = options or CleaningOptions()
+    cloud, beams = _native.scan.extract_returns(
+        np.ascontiguousarray(scan.ranges, dtype=np.float64), np.ascontiguousarray(scan.angles, dtype=np.float64),
+        np.ascontiguousarray(scan.T_robot_sensor, dtype=np.float64), scan.range_min, min(scan.range_max, o.range_limit),
+        MOST_NEIGHBOURS, o.radius, o.gap_base, o.gap_per_metre, o.blob, abs(scan.angle_increment) / o.spacing,
+    )  # fmt: skip
+    return ScanPoints(*cloud), beams
 
 
 def fill_surfaces(cloud: ScanPoints, options: CleaningOptions | None = None) -> ScanPoints:
@@ -124,23 +130,9 @@ def fill_surfaces(cloud: ScanPoints, options: CleaningOptions | None = None) -> 
         cloud: as `extract_points` returns it, in the order of its beams.
         options: those of the extraction: `filling`, and where a surface ends.
     """
-    options = options or CleaningOptions()
-    step = options.filling
-    if len(cloud) < 2:
-        return cloud
-    way = np.diff(cloud.points, axis=0)
-    length = np.hypot(way[:, 0], way[:, 1])
-    gap = options.gap_base + options.gap_per_metre * np.hypot(*cloud.points[:-1].T)
-    across = np.maximum(*(np.abs(np.sum(way * n, axis=1)) for n in (cloud.normals[:-1], cloud.normals[1:])))
-    facing = np.sum(cloud.normals[:-1] * cloud.normals[1:], axis=1) > 0
-    wall = (length > step) & (length <= gap) & (across <= FLAT * length) & facing
-    first = np.flatnonzero(wall)
-    more = np.ceil(length[first] / step).astype(np.int64) - 1
-    row = np.repeat(first, more)
-    number = np.arange(len(row)) - np.repeat(np.cumsum(more) - more, more) + 1
-    share = (number / np.repeat(more + 1, more))[:, None]
-    normals = (1.0 - share) * cloud.normals[row] + share * cloud.normals[row + 1]
-    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
-    weights = FILLING_WEIGHT * cloud.weights[row]
-    between = ScanPoints(cloud.points[row] + share * way[row], normals, np.zeros(len(row)), weights)
-    return concatenate([cloud, between])
+    o = options or CleaningOptions()
+    between = _native.scan.between_returns(
+        cloud.points, cloud.normals, cloud.along, cloud.weights, o.filling, o.gap_base, o.gap_per_metre, FLAT,
+        FILLING_WEIGHT,
+    )  # fmt: skip
+    return concatenate([cloud, ScanPoints(*between)])
