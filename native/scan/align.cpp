@@ -29,26 +29,25 @@ struct Score {
     double value = 0, weight = 0, j[3] = {0, 0, 0};
 };
 
-std::int32_t nearest(const PointIndexView& t, double x, double y, double nx, double ny, double facing, double radius) {
+const Entry* nearest(const PointIndexView& t, double x, double y, double nx, double ny, double facing, double radius) {
     const auto clamp_cell = [&](double v, std::int32_t limit) {  // truncation is floor where nothing is negative
         return static_cast<std::int32_t>(std::clamp(v / t.cell, 0.0, limit - 1.0));
     };
     const double lx = x - t.origin_x, ly = y - t.origin_y;
-    if (lx < -radius || ly < -radius || lx > t.width * t.cell + radius || ly > t.height * t.cell + radius) return -1;
+    if (lx < -radius || ly < -radius || lx > t.width * t.cell + radius || ly > t.height * t.cell + radius) return nullptr;
     const std::int32_t x0 = clamp_cell(lx - radius, t.width), x1 = clamp_cell(lx + radius, t.width);
     const std::int32_t y0 = clamp_cell(ly - radius, t.height), y1 = clamp_cell(ly + radius, t.height);
     double best = radius * radius;
-    std::int32_t found = -1;
+    const Entry* found = nullptr;
     for (std::int32_t by = y0; by <= y1; ++by) {
         const std::int32_t* row = t.starts + static_cast<std::ptrdiff_t>(by) * t.width;
-        // Buckets of one row lie next to each other in `order`.
-        for (std::int32_t k = row[x0]; k < row[x1 + 1]; ++k) {
-            const std::int32_t j = t.order[k];
-            const double dx = t.points[2 * j] - x, dy = t.points[2 * j + 1] - y;
+        // Buckets of one row lie next to each other.
+        for (const Entry *entry = t.entries + row[x0], *end = t.entries + row[x1 + 1]; entry < end; ++entry) {
+            const double dx = entry->x - x, dy = entry->y - y;
             const double d = dx * dx + dy * dy;
-            if (d < best && t.normals[2 * j] * nx + t.normals[2 * j + 1] * ny >= facing) {
+            if (d < best && entry->nx * nx + entry->ny * ny >= facing) {
                 best = d;
-                found = j;
+                found = entry;
             }
         }
     }
@@ -65,16 +64,16 @@ Normal linearise(const PointIndexView& target, const double* points, const doubl
         const double px = points[2 * i], py = points[2 * i + 1];
         const double x = c * px - s * py + pose.x, y = s * px + c * py + pose.y;
         const double mx = c * normals[2 * i] - s * normals[2 * i + 1], my = s * normals[2 * i] + c * normals[2 * i + 1];
-        const std::int32_t j = nearest(target, x, y, mx, my, o.facing, radius);
-        if (j < 0) continue;
-        const double nx = target.normals[2 * j], ny = target.normals[2 * j + 1];
-        const double dx = x - target.points[2 * j], dy = y - target.points[2 * j + 1];
+        const Entry* partner = nearest(target, x, y, mx, my, o.facing, radius);
+        if (!partner) continue;
+        const double nx = partner->nx, ny = partner->ny;
+        const double dx = x - partner->x, dy = y - partner->y;
         const double r = nx * dx + ny * dy;
         const double w = weights[i] / (1.0 + r * r / scale2);
         // d(residual) of the right-hand tangent: n^T R v + n^T R (-py, px) w.
         const double jx = nx * c + ny * s, jy = -nx * s + ny * c;
         out.add(jx, jy, -jx * py + jy * px, r, w * precision);
-        const double tangential = target.along[j];
+        const double tangential = partner->along;
         if (tangential > 0) {
             const double q = -ny * dx + nx * dy;
             const double kx = -ny * c + nx * s, ky = ny * s + nx * c;

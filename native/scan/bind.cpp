@@ -14,18 +14,21 @@ namespace {
 
 using namespace scan;
 
-nb::tuple sort_into_buckets_(const Rows2& points, double origin_x, double origin_y, double cell, std::int32_t width,
-                             std::int32_t height) {
+nb::tuple sort_into_buckets_(const Rows2& points, const Rows2& normals, const Vector<double>& along, double origin_x,
+                             double origin_y, double cell, std::int32_t width, std::int32_t height) {
     require(width > 0 && height > 0 && cell > 0, "sort_into_buckets: the grid is empty");
     require(width <= most_cells / height, "sort_into_buckets: the grid is too large");
-    require_finite(points, "sort_into_buckets: points must be finite");
     const std::size_t n = points.shape(0), cells = static_cast<std::size_t>(width) * static_cast<std::size_t>(height);
-    std::vector<std::int32_t> starts(cells + 1), order(n);
+    require(normals.shape(0) == n && along.shape(0) == n, "sort_into_buckets: arrays differ in length");
+    require_finite(points, "sort_into_buckets: points must be finite");
+    std::vector<std::int32_t> starts(cells + 1);
+    std::vector<double> entries(entry_columns * n);
     {
         nb::gil_scoped_release release;
-        sort_into_buckets(points.data(), n, origin_x, origin_y, cell, width, height, starts.data(), order.data());
+        sort_into_buckets(points.data(), normals.data(), along.data(), n, origin_x, origin_y, cell, width, height, starts.data(),
+                          reinterpret_cast<Entry*>(entries.data()));
     }
-    return nb::make_tuple(own(std::move(starts), {cells + 1}), own(std::move(order), {n}));
+    return nb::make_tuple(own(std::move(starts), {cells + 1}), own(std::move(entries), {n, entry_columns}));
 }
 
 Out<std::uint8_t> build_pyramid_(const Rows2& points, double sigma, std::int32_t levels, std::int32_t height,
@@ -76,23 +79,21 @@ nb::tuple correlate_(const nb::ndarray<const std::uint8_t, nb::ndim<3>, nb::c_co
                           result.score, result.likelihood, result.evaluated);
 }
 
-// The buckets of one cloud hold indices of its own points only.
-void require_index(const std::int64_t* points, const std::int64_t* starts_of, const std::int32_t* shape, double cell,
-                   const std::int32_t* starts, const std::int32_t* order) {
-    const std::int64_t n = points[1] - points[0];
+// The buckets of one cloud hold its own points only.
+void require_index(const std::int64_t* entries, const std::int64_t* starts_of, const std::int32_t* shape, double cell,
+                   const std::int32_t* starts) {
+    const std::int64_t n = entries[1] - entries[0];
     require(n >= 0 && cell > 0 && shape[0] > 0 && shape[1] > 0 &&
                 starts_of[1] - starts_of[0] == static_cast<std::int64_t>(shape[0]) * shape[1] + 1,
             "align: the buckets do not fit their cloud");
     const std::int32_t *first = starts + starts_of[0], *last = starts + starts_of[1];
     require(*first == 0 && last[-1] == n && std::is_sorted(first, last), "align: the buckets do not fit their cloud");
-    require(std::all_of(order + points[0], order + points[1], [n](std::int32_t i) { return i >= 0 && i < n; }),
-            "align: a bucket holds a point that does not exist");
 }
 
 // Clouds of points one after the other, with offsets (C + 1,); the indices of the targets likewise.
-nb::tuple align_(const Rows2& target_points, const Rows2& target_normals, const Vector<double>& target_along,
+nb::tuple align_(const nb::ndarray<const double, nb::shape<-1, entry_columns>, nb::c_contig, nb::device::cpu>& entries,
                  const Vector<std::int64_t>& target_offsets, const Vector<std::int32_t>& starts,
-                 const Vector<std::int64_t>& starts_offsets, const Vector<std::int32_t>& order, const Rows2& origins,
+                 const Vector<std::int64_t>& starts_offsets, const Rows2& origins,
                  const nb::ndarray<const std::int32_t, nb::shape<-1, 2>, nb::c_contig, nb::device::cpu>& shapes,
                  const Vector<double>& cells,
                  const Rows2& points, const Rows2& normals, const Vector<double>& weights,
@@ -104,9 +105,7 @@ nb::tuple align_(const Rows2& target_points, const Rows2& target_normals, const 
                  std::int32_t iterations, double correlated, int threads) {
     const auto clouds = static_cast<std::int64_t>(origins.shape(0));
     const auto sources = static_cast<std::int64_t>(offsets.shape(0)) - 1;
-    const std::size_t m = pairs.shape(0), targets_n = target_points.shape(0);
-    require(target_normals.shape(0) == targets_n && target_along.shape(0) == targets_n && order.shape(0) == targets_n,
-            "align: arrays of the targets differ in length");
+    const std::size_t m = pairs.shape(0), targets_n = entries.shape(0);
     require(normals.shape(0) == points.shape(0) && weights.shape(0) == points.shape(0),
             "align: arrays of the sources differ in length");
     require(static_cast<std::int64_t>(target_offsets.shape(0)) == clouds + 1 && sources >= 0 &&
@@ -125,13 +124,13 @@ nb::tuple align_(const Rows2& target_points, const Rows2& target_normals, const 
                 starts_offsets.data()[clouds] == static_cast<std::int64_t>(starts.shape(0)),
             "align: offsets do not fit the arrays");
     require(std::is_sorted(offsets.data(), offsets.data() + offsets.shape(0)), "align: offsets must rise");
-    for (const auto* array : {&target_points, &points, &origins}) require_finite(*array, "align: points must be finite");
+    for (const auto* array : {&points, &origins}) require_finite(*array, "align: points must be finite");
     for (const auto* array : {&T_start, &T_prior}) require_finite(*array, "align: poses must be finite");
     require_finite(prior_information, "align: the information of the prior must be finite");
     require(std::isfinite(radius_start), "align: radius_start must be finite");
     for (std::int64_t c = 0; c < clouds; ++c)
         require_index(target_offsets.data() + c, starts_offsets.data() + c, shapes.data() + 2 * c, cells.data()[c],
-                      starts.data(), order.data());
+                      starts.data());
     for (std::size_t k = 0; k < m; ++k)
         require(pairs.data()[2 * k] >= 0 && pairs.data()[2 * k] < clouds && pairs.data()[2 * k + 1] >= 0 &&
                     pairs.data()[2 * k + 1] < sources, "align: a pair names a cloud that does not exist");
@@ -143,9 +142,8 @@ nb::tuple align_(const Rows2& target_points, const Rows2& target_normals, const 
         for (std::size_t k = first; k < last; ++k) {
             const std::int32_t a = pairs.data()[2 * k], b = pairs.data()[2 * k + 1];
             const std::int64_t at = target_offsets.data()[a], from = offsets.data()[b], to = offsets.data()[b + 1];
-            const PointIndexView target{target_points.data() + 2 * at, target_normals.data() + 2 * at,
-                                        target_along.data() + at, starts.data() + starts_offsets.data()[a],
-                                        order.data() + at, origins.data()[2 * a], origins.data()[2 * a + 1], cells.data()[a],
+            const PointIndexView target{reinterpret_cast<const Entry*>(entries.data()) + at, starts.data() + starts_offsets.data()[a],
+                                        origins.data()[2 * a], origins.data()[2 * a + 1], cells.data()[a],
                                         shapes.data()[2 * a], shapes.data()[2 * a + 1]};
             const double* t = T_start.data() + 3 * k;
             const double* p = T_prior.data() + 3 * k;

@@ -3,12 +3,11 @@
 #include <algorithm>
 #include <cmath>
 
-#include "views.hpp"
-
 namespace clew::scan {
 
-void sort_into_buckets(const double* points, std::size_t n, double origin_x, double origin_y, double cell,
-                       std::int32_t width, std::int32_t height, std::int32_t* starts, std::int32_t* order) {
+void sort_into_buckets(const double* points, const double* normals, const double* along, std::size_t n, double origin_x,
+                       double origin_y, double cell, std::int32_t width, std::int32_t height, std::int32_t* starts,
+                       Entry* entries) {
     const std::size_t cells = static_cast<std::size_t>(width) * static_cast<std::size_t>(height);
     std::vector<std::int32_t> bucket(n);
     std::fill(starts, starts + cells + 1, 0);
@@ -21,7 +20,9 @@ void sort_into_buckets(const double* points, std::size_t n, double origin_x, dou
     }
     for (std::size_t b = 0; b < cells; ++b) starts[b + 1] += starts[b];
     std::vector<std::int32_t> next(starts, starts + cells);
-    for (std::size_t i = 0; i < n; ++i) order[next[static_cast<std::size_t>(bucket[i])]++] = static_cast<std::int32_t>(i);
+    for (std::size_t i = 0; i < n; ++i)
+        entries[next[static_cast<std::size_t>(bucket[i])]++] = {points[2 * i], points[2 * i + 1], normals[2 * i],
+                                                                normals[2 * i + 1], along[i]};
 }
 
 namespace {

@@ -11,13 +11,18 @@ struct Pose {
     double x, y, theta;
 };
 
-// Points sorted into square buckets: bucket b of the grid holds order[starts[b] .. starts[b + 1]).
+// A point as a search for partners reads it, all in one place.
+struct Entry {
+    double x, y;
+    double nx, ny;  // unit normal, towards the side from which the surface was seen
+    double along;   // weight of the tangential direction, 0 for a line, 1 for a blob
+};
+constexpr std::size_t entry_columns = sizeof(Entry) / sizeof(double);
+
+// Points sorted into square buckets: bucket b of the grid holds entries[starts[b]] .. entries[starts[b + 1] - 1].
 struct PointIndexView {
-    const double* points;   // (n, 2)
-    const double* normals;  // (n, 2) unit, towards the side from which the surface was seen
-    const double* along;    // (n,) weight of the tangential direction, 0 for a line, 1 for a blob
+    const Entry* entries;
     const std::int32_t* starts;
-    const std::int32_t* order;
     double origin_x, origin_y, cell;
     std::int32_t width, height;
 };

@@ -15,10 +15,12 @@ from scan.twins import merged
 def test_buckets_hold_each_point_once_where_it_lies(count: int) -> None:
     rng = np.random.default_rng(count)
     points = rng.uniform(-3, 3, (count, 2))  # some outside of the grid: they go to its border
-    starts, order = _native.scan.sort_into_buckets(points, -2.0, -1.5, 0.5, 7, 5)
+    normals, along = rng.normal(size=(count, 2)), rng.uniform(size=count)
+    starts, entries = _native.scan.sort_into_buckets(points, normals, along, -2.0, -1.5, 0.5, 7, 5)
     cell = np.clip(np.floor((points - [-2.0, -1.5]) / 0.5), 0, [6, 4]).astype(int)
     bucket = cell[:, 1] * 7 + cell[:, 0]
-    np.testing.assert_array_equal(order, np.argsort(bucket, kind="stable"))
+    rows = np.column_stack([points, normals, along])
+    np.testing.assert_array_equal(entries, rows[np.argsort(bucket, kind="stable")])
     np.testing.assert_array_equal(starts, np.concatenate([[0], np.cumsum(np.bincount(bucket, minlength=35))]))
 
 
@@ -29,7 +31,7 @@ def test_index_stays_as_small_as_its_cloud(count: int, extent: float) -> None:
     assert len(index.starts) == np.prod(index.shapes[0]) + 1
     assert len(index.starts) <= 20 * (count + 10)
     assert index.starts[-1] == count
-    np.testing.assert_array_equal(np.sort(index.order), np.arange(count))
+    np.testing.assert_array_equal(np.sort(index.entries[:, 0]), np.sort(index.cloud.points[:, 0]))
 
 
 def test_joined_indices_are_those_of_the_parts() -> None:
@@ -39,7 +41,7 @@ def test_joined_indices_are_those_of_the_parts() -> None:
     for i, part in enumerate(parts):
         own = slice(whole.offsets[i], whole.offsets[i + 1])
         np.testing.assert_array_equal(whole.cloud.points[own], part.cloud.points)
-        np.testing.assert_array_equal(whole.order[own], part.order)
+        np.testing.assert_array_equal(whole.entries[own], part.entries)
         starts = whole.starts[whole.starts_offsets[i] : whole.starts_offsets[i + 1]]
         np.testing.assert_array_equal(starts, part.starts)
 

@@ -26,7 +26,7 @@ def refused(function: str, *arguments: Any) -> None:
 
 @pytest.mark.parametrize("points", [NAN, VAST, POINTS[:, :1], POINTS.ravel(), POINTS[None]])
 def test_points_must_be_rows_of_two_finite_numbers(points: np.ndarray) -> None:
-    refused("sort_into_buckets", points, -1.0, -1.0, 0.1, 20, 20)
+    refused("sort_into_buckets", points, POINTS, ONES, -1.0, -1.0, 0.1, 20, 20)
     refused("merge_surfels", points, POINTS, ONES, ONES, 0.1)
     refused("between_returns", points, POINTS, ONES, ONES, 0.1, 0.1, 0.1, 0.1, 0.1)
     refused("build_pyramid", points, 0.1, 3, 30, 30, -1.5, -1.5, 0.1)
@@ -60,8 +60,10 @@ def test_clouds_and_beams_must_fit_each_other() -> None:
 
 def test_grids_must_have_cells() -> None:
     for cell, width, height in ((0.0, 5, 5), (0.1, 0, 5), (0.1, 5, -1), (np.nan, 5, 5), (0.1, 2**30, 2**30)):
-        refused("sort_into_buckets", POINTS, 0.0, 0.0, cell, width, height)
+        refused("sort_into_buckets", POINTS, POINTS, ONES, 0.0, 0.0, cell, width, height)
     refused("merge_surfels", POINTS, POINTS, ONES, ONES, 0.0)
+    refused("sort_into_buckets", POINTS, POINTS[:-1], ONES, 0.0, 0.0, 0.1, 5, 5)
+    refused("sort_into_buckets", POINTS, POINTS, ONES[:-1], 0.0, 0.0, 0.1, 5, 5)
     for sigma, levels, height, width, resolution in ((0.1, 0, 9, 9, 0.1), (0.1, 13, 9, 9, 0.1), (0.1, 2, 0, 9, 0.1),
                                                      (0.0, 2, 9, 9, 0.1), (0.1, 2, 9, 9, 0.0)):
         refused("build_pyramid", POINTS, sigma, levels, height, width, 0.0, 0.0, resolution)
@@ -89,9 +91,8 @@ def alignment(**changed: Any) -> list[Any]:
     cloud = random_cloud(np.random.default_rng(0), 20)
     index = index_cloud(cloud)
     arguments = {
-        "target_points": cloud.points, "target_normals": cloud.normals, "target_along": cloud.along,
-        "target_offsets": index.offsets, "starts": index.starts, "starts_offsets": index.starts_offsets,
-        "order": index.order, "origins": index.origins, "shapes": index.shapes, "cells": index.cells,
+        "entries": index.entries, "target_offsets": index.offsets, "starts": index.starts,
+        "starts_offsets": index.starts_offsets, "origins": index.origins, "shapes": index.shapes, "cells": index.cells,
         "points": cloud.points, "normals": cloud.normals, "weights": cloud.weights, "offsets": index.offsets,
         "pairs": np.zeros((1, 2), dtype=np.int32), "T_start": np.zeros((1, 3)), "T_prior": np.zeros((1, 3)),
         "information": np.zeros((1, 3, 3)), "radius_start": 0.4, "radius_end": 0.1, "sigma": 0.01, "robust": 2.0,
@@ -104,9 +105,8 @@ def alignment(**changed: Any) -> list[Any]:
     {"pairs": np.array([[0, 1]], dtype=np.int32)}, {"pairs": np.array([[-1, 0]], dtype=np.int32)},
     {"pairs": np.zeros((2, 2), dtype=np.int32)}, {"T_start": np.zeros((1, 2))}, {"T_start": np.full((1, 3), np.nan)},
     {"T_prior": np.full((1, 3), np.inf)}, {"information": np.full((1, 3, 3), np.nan)},
-    {"target_points": lambda a: a[:-1]}, {"target_normals": lambda a: a[:-1]}, {"weights": lambda a: a[:-1]},
-    {"target_points": lambda a: a * np.nan}, {"points": lambda a: a + np.inf},
-    {"order": lambda a: a + 1}, {"order": lambda a: a - 1}, {"starts": lambda a: a + 1}, {"starts": lambda a: -a},
+    {"entries": lambda a: a[:-1]}, {"entries": lambda a: a[:, :-1].copy()}, {"weights": lambda a: a[:-1]},
+    {"points": lambda a: a + np.inf}, {"starts": lambda a: a + 1}, {"starts": lambda a: -a},
     {"starts": lambda a: a[:-1]}, {"shapes": lambda a: a + 1}, {"shapes": lambda a: a * 0},
     {"target_offsets": lambda a: a + 1}, {"offsets": lambda a: a * 2}, {"cells": np.zeros(1)},
     {"offsets": np.array([0, 30, 20])}, {"offsets": np.zeros(0, dtype=np.int64)}, {"origins": np.full((1, 2), np.nan)},

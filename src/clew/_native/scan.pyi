@@ -4,8 +4,8 @@ from numpy.typing import NDArray
 _F = NDArray[np.float64]
 
 def sort_into_buckets(
-    points: _F, origin_x: float, origin_y: float, cell: float, width: int, height: int
-) -> tuple[NDArray[np.int32], NDArray[np.int32]]: ...
+    points: _F, normals: _F, along: _F, origin_x: float, origin_y: float, cell: float, width: int, height: int
+) -> tuple[NDArray[np.int32], _F]: ...
 def merge_surfels(points: _F, normals: _F, along: _F, weights: _F, voxel: float) -> tuple[_F, _F, _F]: ...
 def deskew(ranges: _F, angles: _F, delays: _F, velocity: _F, T_robot_sensor: _F) -> tuple[_F, _F]: ...
 def extract_returns(
@@ -25,9 +25,8 @@ def correlate(
     exclude_distance: float, exclude_angle: float,
 ) -> tuple[bool, _F, float, float, int]: ...
 def align(
-    target_points: _F, target_normals: _F, target_along: _F, target_offsets: NDArray[np.int64],
-    starts: NDArray[np.int32], starts_offsets: NDArray[np.int64], order: NDArray[np.int32], origins: _F,
-    shapes: NDArray[np.int32], cells: _F, points: _F, normals: _F, weights: _F, offsets: NDArray[np.int64],
+    entries: _F, target_offsets: NDArray[np.int64], starts: NDArray[np.int32], starts_offsets: NDArray[np.int64],
+    origins: _F, shapes: NDArray[np.int32], cells: _F, points: _F, normals: _F, weights: _F, offsets: NDArray[np.int64],
     pairs: NDArray[np.int32], T_start: _F, T_prior: _F, prior_information: _F, radius_start: float,
     radius_end: float, sigma: float, robust: float, facing: float, iterations: int, correlated: float,
     threads: int,

@@ -103,11 +103,11 @@ def align(
     prior = start if T_prior is None else np.ascontiguousarray(T_prior, dtype=np.float64)
     if prior_information is None:
         prior_information = np.zeros((count, 3, 3))
-    t, s = targets.cloud, sources.cloud
+    s = sources.cloud
     return Alignment(
         *_native.scan.align(
-            t.points, t.normals, t.along, targets.offsets, targets.starts, targets.starts_offsets, targets.order,
-            targets.origins, targets.shapes, targets.cells,
+            targets.entries, targets.offsets, targets.starts, targets.starts_offsets, targets.origins, targets.shapes,
+            targets.cells,
             s.points, s.normals, s.weights, sources.offsets,
             np.ascontiguousarray(pairs, dtype=np.int32), start, prior,
             np.ascontiguousarray(prior_information, dtype=np.float64),

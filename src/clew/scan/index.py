@@ -23,14 +23,15 @@ class IndexedClouds:
     Attributes:
         cloud: all points; those of cloud ``i`` are ``offsets[i] : offsets[i + 1]``.
         offsets: ``(C + 1,)``.
-        starts, starts_offsets, order, origins, shapes, cells: the buckets, as the native search reads them.
+        starts, starts_offsets, entries, origins, shapes, cells: the buckets, as the native search reads them; `entries`
+            ``(n, 5)`` are the points once more, bucket by bucket, with normals and `along`.
     """
 
     cloud: ScanPoints
     offsets: NDArray[np.int64]
     starts: NDArray[np.int32]
     starts_offsets: NDArray[np.int64]
-    order: NDArray[np.int32]
+    entries: Array
     origins: Array
     shapes: NDArray[np.int32]
     cells: Array
@@ -67,15 +68,15 @@ def index_cloud(cloud: ScanPoints) -> IndexedClouds:
     high = cloud.points.max(axis=0) if n else np.zeros(2)
     cell = max(CELL, float(np.sqrt(np.prod(high - low) / (CELLS_PER_POINT * max(n, 1)))))
     shape = np.floor((high - low) / cell).astype(np.int32) + 1
-    starts, order = _native.scan.sort_into_buckets(
-        cloud.points, float(low[0]), float(low[1]), cell, int(shape[0]), int(shape[1])
+    starts, entries = _native.scan.sort_into_buckets(
+        cloud.points, cloud.normals, cloud.along, float(low[0]), float(low[1]), cell, int(shape[0]), int(shape[1])
     )
     return IndexedClouds(
         cloud,
         np.array([0, n], dtype=np.int64),
         starts,
         np.array([0, starts.shape[0]], dtype=np.int64),
-        order,
+        entries,
         low[None, :],
         shape[None, :],
         np.array([cell]),
@@ -94,7 +95,7 @@ def join(indexed: list[IndexedClouds]) -> IndexedClouds:
         offsets([i.offsets for i in indexed]),
         np.concatenate([i.starts for i in indexed]),
         offsets([i.starts_offsets for i in indexed]),
-        np.concatenate([i.order for i in indexed]),
+        np.concatenate([i.entries for i in indexed]),
         np.concatenate([i.origins for i in indexed]),
         np.concatenate([i.shapes for i in indexed]),
         np.concatenate([i.cells for i in indexed]),
