@@ -124,6 +124,7 @@ nb::tuple align_(const nb::ndarray<const double, nb::shape<-1, entry_columns>, n
                 starts_offsets.data()[clouds] == static_cast<std::int64_t>(starts.shape(0)),
             "align: offsets do not fit the arrays");
     require(std::is_sorted(offsets.data(), offsets.data() + offsets.shape(0)), "align: offsets must rise");
+    require_finite(entries, "align: points of the targets must be finite");
     for (const auto* array : {&points, &origins}) require_finite(*array, "align: points must be finite");
     for (const auto* array : {&T_start, &T_prior}) require_finite(*array, "align: poses must be finite");
     require_finite(prior_information, "align: the information of the prior must be finite");

@@ -53,7 +53,7 @@ def test_merged_surfels_agree_with_the_twin(seed: int, extent: float) -> None:
     surfels, expected = merge_surfels(cloud, extent / 6.0), merged(cloud, extent / 6.0)
     assert 100 < len(expected) < 400
     for got, wanted in zip(vars(surfels).values(), vars(expected).values(), strict=True):
-        np.testing.assert_allclose(got, wanted, atol=1e-9)
+        np.testing.assert_allclose(got, wanted, atol=1e-13 * extent)
 
 
 def test_merging_is_idempotent_and_takes_any_cloud() -> None:

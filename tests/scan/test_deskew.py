@@ -71,6 +71,8 @@ def test_beams_without_return_stay_so() -> None:
     still = deskew(scan, np.array([0.5, 0.0, 1.0]))
     assert np.isposinf(still.ranges[10])
     assert np.isnan(still.ranges[20])
+    for beam in (10, 20):  # they are turned with the robot, and no more is known of them
+        assert still.angles[beam] == pytest.approx(scan.angles[beam] + 1.0 * scan.delays[beam], abs=1e-12)
 
 
 def test_resampled_returns_stay_within_half_a_beam() -> None:

@@ -9,9 +9,18 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from clew import _native
 from clew.geometry import se2
-from clew.scan import CleaningOptions, LaserScan, concatenate, extract_points, fill_surfaces, gathered
-from clew.scan.points import FILLING_WEIGHT, FLAT, extract_returns
+from clew.scan import (
+    CleaningOptions,
+    LaserScan,
+    ScanPoints,
+    concatenate,
+    extract_points,
+    fill_surfaces,
+    gathered,
+)
+from clew.scan.points import FILLING_WEIGHT, FLAT, MOST_NEIGHBOURS, extract_returns
 from scan.clouds import CORRIDOR, ROOM, T_ROBOT_SENSOR, random_cloud, scan_of
 from scan.twins import between_returns, extracted
 
@@ -24,9 +33,10 @@ def test_returns_agree_with_the_twin(seed: int) -> None:
     ranges[rng.choice(361, 60, replace=False)] = np.nan  # gaps of one, two and more beams
     ranges[[3, 50, 51]] = np.inf, 0.01, 99.0  # nothing there, too near, too far
     scan = replace(scan, ranges=ranges, T_robot_sensor=np.array([0.3, -0.1, rng.uniform(-3, 3)]))
-    for options in (CleaningOptions(), CleaningOptions(radius=1.5, gap_base=0.5, gap_per_metre=0.1, blob=0.1)):
+    wide = CleaningOptions(radius=1.5, gap_base=0.5, gap_per_metre=0.1, blob=0.1, spacing=0.5)
+    for options in (CleaningOptions(), CleaningOptions(blob=0.0), wide):
         cloud, beams = extract_returns(scan, options)
-        expected, expected_beams = extracted(scan, options)
+        expected, expected_beams = extracted(scan, options, MOST_NEIGHBOURS)
         np.testing.assert_array_equal(beams, expected_beams)
         assert len(cloud) > 100
         np.testing.assert_allclose(cloud.points, expected.points, atol=1e-12)
@@ -37,13 +47,27 @@ def test_returns_agree_with_the_twin(seed: int) -> None:
         np.testing.assert_allclose(np.linalg.norm(cloud.normals, axis=1), 1.0)
 
 
+def test_only_so_many_neighbours_make_a_surface() -> None:
+    scan = scan_of(ROOM, np.array([0.3, 0.2, 0.5]), sigma=0.02, seed=0)
+    o = CleaningOptions(blob=0.0)
+    (points, normals, along, _), _ = _native.scan.extract_returns(
+        scan.ranges, scan.angles, scan.T_robot_sensor, scan.range_min, o.range_limit, 3, o.radius, o.gap_base,
+        o.gap_per_metre, o.blob, 1.0,
+    )  # fmt: skip
+    expected, _ = extracted(scan, o, 3)
+    np.testing.assert_allclose(points, expected.points, atol=1e-12)
+    np.testing.assert_allclose(along, expected.along, atol=1e-5)
+    clear = along < 0.9
+    np.testing.assert_allclose(normals[clear], expected.normals[clear], atol=1e-5)
+
+
 @pytest.mark.parametrize("count", [0, 1, 2])
 def test_normals_of_hardly_any_points(count: int) -> None:
     scan = LaserScan(0.0, np.full(count, 2.0), 0.0, 0.02, 0.1, 30.0)
     cloud = extract_points(scan)
     assert len(cloud) == (2 if count == 2 else 0)  # a lone one is isolated
     if count == 2:
-        np.testing.assert_allclose(cloud.normals, [[-1.0, -0.01]] * 2, atol=1e-4)
+        np.testing.assert_allclose(cloud.normals, [[-np.cos(0.01), -np.sin(0.01)]] * 2, atol=1e-6)
 
 
 @pytest.mark.parametrize("seed", range(4))
@@ -57,6 +81,15 @@ def test_points_between_returns_agree_with_the_twin(seed: int) -> None:
     for got, own, put_in in zip(vars(filled).values(), vars(cloud).values(), vars(expected).values(), strict=True):
         np.testing.assert_array_equal(got[: len(cloud)], own)
         np.testing.assert_allclose(got[len(cloud) :], put_in, atol=1e-12)
+
+
+def test_nothing_is_put_between_the_two_sides_of_a_wall() -> None:
+    points, normals = np.array([[1.0, 0.0], [1.0, 0.1]]), np.array([[-1.0, 0.0], [-1.0, 0.0]])
+    one = ScanPoints(points, normals, np.zeros(2), np.ones(2))
+    other = ScanPoints(points, normals * [[1.0], [-1.0]], np.zeros(2), np.ones(2))
+    options = CleaningOptions(filling=0.04)
+    assert len(fill_surfaces(one, options)) == 4
+    assert len(fill_surfaces(other, options)) == 2
 
 
 def test_gathered_clouds_are_those_at_their_poses() -> None:

@@ -57,13 +57,13 @@ def surface_normals(points: Array, beams: Array, window: int, radius: float, bas
     return normals, ratios, support
 
 
-def extracted(scan: LaserScan, options: CleaningOptions) -> tuple[ScanPoints, NDArray[np.int64]]:
+def extracted(scan: LaserScan, options: CleaningOptions, window: int) -> tuple[ScanPoints, NDArray[np.int64]]:
     """Returns of a scan with normals in the robot's frame, and their beams."""
     limit = min(scan.range_max, options.range_limit)
     beams = np.flatnonzero((scan.ranges >= scan.range_min) & (scan.ranges <= limit))
     r, angles = scan.ranges[beams], scan.angles[beams]
     points = r[:, None] * np.stack([np.cos(angles), np.sin(angles)], axis=1)
-    normals, ratios, support = surface_normals(points, beams, 64, options.radius, options.gap_base,
+    normals, ratios, support = surface_normals(points, beams, window, options.radius, options.gap_base,
                                                options.gap_per_metre)
     keep = support > 0
     weights = np.clip(r * abs(scan.angle_increment) / options.spacing, 0.1, 1.0)

@@ -51,7 +51,7 @@ class LiveCommand(TyperCommand):
             following = args[place + 1] if place + 1 < len(args) else ""
             if word == "--live" and following not in (BROWSER, RERUN) and not following.endswith(".rrd"):
                 full.append(BROWSER)
-        return super().parse_args(ctx, full)  # type: ignore[arg-type]  # as above
+        return super().parse_args(ctx, full)  # type: ignore[arg-type]  # the context, typed as object
 
 
 @dataclass(frozen=True)
